@@ -11,7 +11,8 @@ import os
 import shutil
 import sys
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import click
@@ -49,6 +50,19 @@ class Answer:
 
 
 answer: Answer | None = None  # where --json has asked for one
+
+
+@contextmanager
+def answering(silent: bool) -> Iterator[None]:
+    """Within it --json opens an answer, which is printed at its end, unless `silent`; one that is open stays so."""
+    global answer
+    outer, answer = answer, None
+    try:
+        yield
+    finally:
+        inner, answer = answer, outer
+        if inner:
+            inner.close(silent)
 
 
 def ask_for_json(context: click.Context, option: click.Parameter, wanted: bool) -> None:

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, redirect_stdout, suppress
 from pathlib import Path
 from typing import IO
 
@@ -102,11 +102,12 @@ def within(app: App) -> Start:
         sys.argv = [app.name, *arguments]
         try:
             os.dup2(stdout.fileno(), 1), os.dup2(stdout.fileno(), 2)
-            build(lambda: app, app.name, app.title).main(arguments)
+            with redirect_stdout(stdout):  # also where --json gathers what is printed
+                build(lambda: app, app.name, app.title).main(arguments)
         except SystemExit as end:
             return end.code if isinstance(end.code, int) else int(end.code is not None)
         finally:
-            sys.stdout.flush(), sys.stderr.flush()
+            stdout.flush(), sys.stderr.flush()
             for copy, descriptor in ((kept, 1), (errors, 2)):
                 os.dup2(copy, descriptor)
                 os.close(copy)

@@ -133,11 +133,9 @@ class CommandLine(click.Group):
             self.leave(FileError(f"{error.filename or 'the output'}: {error.strerror}"))
 
     def _answered(self, *rest: Any, **settings: Any) -> Any:
-        try:
+        """Do the verb, and print what --json asked for; that of a verb which runs this one within it stays open."""
+        with text.answering(silent=bool(launcher_rank())):
             return super().main(*rest, **settings)
-        finally:
-            if text.answer:
-                text.answer.close(silent=bool(launcher_rank()))
 
     def leave(self, error: HpcpicError) -> None:
         """Print the error on one rank and exit with its code."""

@@ -1,5 +1,6 @@
 """stability on a simulator whose limit is known: bracket, slow growth, exit codes, map."""
 
+import json
 import math
 from types import SimpleNamespace
 
@@ -50,6 +51,15 @@ def test_a_sharp_limit_is_found_beside_the_theory(program, tmp_path):  # noqa: F
     assert found["measured_over_theory"] == pytest.approx(1.0, abs=0.05)
     assert found["seeds"] == {"2": True, "3": True} and not found["slow"] and found["runs"] <= 16
     assert "measured/theory" in done.stdout
+
+
+@pytest.mark.parametrize("words", [("stability", "--knob", "dt"), ("tradeoff",)])
+def test_json_is_one_document_with_the_tables_and_no_line_of_a_pilot(program, tmp_path, words):  # noqa: F811
+    done = program(*words, "-o", "out", "--json", slow=0.05)  # slow growth: stability has a table of rates
+    answer = json.loads(done.stdout)
+    assert done.returncode == 0 and answer["tables"] and answer["text"]
+    assert list((tmp_path / "out/pilots").iterdir())
+    assert not any(line.startswith(("results", "step ", "look")) for line in answer["text"])
 
 
 def test_slow_growth_is_told_by_the_longer_horizon(program, tmp_path):  # noqa: F811
