@@ -10,8 +10,8 @@ import io
 import os
 import signal
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from typing import Any
 
@@ -51,6 +51,7 @@ MEANT = {  # what other programs call a verb
 }
 TABLES = ("list", "show", "check", "estimate", "sweep", "tradeoff", "stability", "compare", "bench", "doctor")
 PARALLEL = ("run", "restart", "bench", "doctor")  # verbs in which all ranks take part
+READER_GONE = 128 + signal.SIGPIPE  # what shells say of a program that writes to nobody
 
 RANKS = ("PMI_RANK", "OMPI_COMM_WORLD_RANK", "PMIX_RANK")  # where launchers tell a process its rank
 
@@ -113,7 +114,9 @@ class CommandLine(click.Group):
         settings["standalone_mode"] = False
         settings["prog_name"] = self.name
         try:
-            sys.exit(self._answered(args, *rest, **settings) or 0)
+            with reader_may_go():
+                code = self._answered(args, *rest, **settings) or 0
+            sys.exit(code)
         except click.ClickException as error:
             if not launcher_rank():
                 error.show()
@@ -121,9 +124,6 @@ class CommandLine(click.Group):
             sys.exit(error.exit_code)
         except click.Abort:  # Ctrl-C before there is anything to stop
             leave_alone()
-            sys.exit(1)
-        except BrokenPipeError:  # the reader of the output has gone, as `head` does
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             sys.exit(1)
         except HpcpicError as error:
             self.leave(error)
@@ -137,11 +137,29 @@ class CommandLine(click.Group):
         with text.answering(silent=bool(launcher_rank())):
             return super().main(*rest, **settings)
 
+    def make_context(self, *rest: Any, **settings: Any) -> click.Context:
+        with reader_may_go():  # click itself would make an exit of 1 of it
+            return super().make_context(*rest, **settings)
+
+    def invoke(self, context: click.Context) -> Any:
+        with reader_may_go():
+            return super().invoke(context)
+
     def leave(self, error: HpcpicError) -> None:
         """Print the error on one rank and exit with its code."""
         if not launcher_rank():
             click.echo(error.message, err=True)
         sys.exit(error.exit_code)
+
+
+@contextmanager
+def reader_may_go() -> Iterator[None]:
+    """Exit quietly where the reader of the output has gone, as `head` does."""
+    try:
+        yield
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # for what is printed as the program ends
+        sys.exit(READER_GONE)
 
 
 def hint(error: click.ClickException, program: str) -> str:

@@ -341,3 +341,15 @@ def test_the_schema_of_cases_is_one_of_json():
     command = [sys.executable, "-m", "sph", "show", "water-column", "--schema"]
     schema = json.loads(subprocess.run(command, capture_output=True, text=True, env=environment()).stdout)
     assert schema["type"] == "object" and "fluid" in schema["properties"]
+
+
+@pytest.mark.parametrize("words", [["show", "water-column"], ["show", "water-column", "--json"], ["--help"]])
+def test_a_reader_that_has_gone_is_exit_141_without_a_word(words):
+    """An output that is longer than a buffer, one that comes at once, and what click prints itself."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = subprocess.run(
+        [sys.executable, "-m", "sph", *words], stdout=writer, stderr=subprocess.PIPE, env=environment(), check=False
+    )
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (141, b"")
