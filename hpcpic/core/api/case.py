@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from hpcpic.core.api.numbers import whole, words
 from hpcpic.core.api.results import Run
 from hpcpic.core.api.simulation import Simulation
 from hpcpic.core.api.tables import Check, Forecast
@@ -115,12 +116,14 @@ class Case:
 
     def check(self, ranks: int = 1) -> Check:
         """The derived numbers with their limits, as `check` prints them; no step is taken."""
+        ranks = whole(ranks, "ranks")
         return Check(tuple(numbers_of(self._app, self.config, ranks)), tuple(self._read_case.tree.warnings))
 
     def estimate(self, ranks: int = 1, threads: int = 1) -> Forecast:
         """Memory, disk and time on so many ranks and threads, as `estimate` prints them."""
         from hpcpic.core.app.rates import read_rates
 
+        ranks, threads = whole(ranks, "ranks"), whole(threads, "threads")
         estimate = self._app.estimate(self.config, ranks, threads, read_rates())
         return Forecast(self._app, self.config, ranks, threads, estimate)
 
@@ -129,17 +132,17 @@ class Case:
         folder: str | os.PathLike[str] | None = None,
         *,
         threads: int | None = None,
-        wall: str | None = None,
-        checkpoint_every: str | None = None,
+        wall: str | float | None = None,
+        checkpoint_every: str | int | None = None,
         quiet: bool = False,
         replace: bool = False,
         force: bool = False,
     ) -> Run:
         """Do what the verb `run` does, and open the folder that it made. Collective under mpirun.
 
-        folder: by default that of the command line. threads, wall ("HH:MM:SS") and checkpoint_every ("500" steps,
-        "15m") mean what they mean there. quiet: print warnings only. replace: the run in the folder. force: run in
-        spite of limits that allow it. A run that was stopped early returns too, with the status "stopped". Raises
+        folder: by default that of the command line. threads, wall ("HH:MM:SS" or seconds) and checkpoint_every (500
+        steps, "15m") mean what they mean there. quiet: print warnings only. replace: the run in the folder. force: run
+        in spite of limits that allow it. A run that was stopped early returns too, with the status "stopped". Raises
         ConfigError, FileError, and Diverged when the state was no solution any more.
         """
         from hpcpic.core.app import use
@@ -152,9 +155,10 @@ class Case:
             plan.warnings += told
             return rundir, plan
 
+        flags = Flags(_threads(threads), words(wall), words(checkpoint_every), quiet=quiet, summary=not quiet)
+        flags.seconds(), flags.interval()  # which are refused before there is a folder
         told = use.keep_own()
         target = run_folder(self._read_case) if folder is None else os.fspath(folder)
-        flags = Flags(threads, wall, checkpoint_every, quiet=quiet, summary=not quiet)
         code = job(lambda: self._app, prepare, flags, raises=True)
         run = Run.open(target, self._app)
         if code in _RAISED:
@@ -176,8 +180,14 @@ class Case:
         """The simulation in memory, at its initial state: use it in a `with`. Nothing is written. Collective.
 
         force: in spite of limits that allow it. Raises ConfigError beyond the others."""
+        threads = _threads(threads)
         enforce(self._app.derived(self.config, 1), self._read_case.tree, force)
         return Simulation(self._app, self.config, threads)
+
+
+def _threads(given: int | None) -> int | None:
+    """Threads per rank; None for the default. Raises ConfigError."""
+    return None if given is None else whole(given, "threads")
 
 
 _RAISED: Mapping[int, type[HpcpicError]] = {4: Diverged, 6: FileError}

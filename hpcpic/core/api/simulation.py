@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.api import arrays
+from hpcpic.core.api.numbers import finite, whole
 from hpcpic.core.app.app import App
 from hpcpic.core.errors import ConfigError, Diverged
 from hpcpic.core.run.signals import Reason, whole_steps
@@ -115,6 +116,8 @@ class Simulation:
         self._require_open()
         if steps is not None and until is not None:
             raise ConfigError("advance: say steps=N or until=T, not both")
+        steps = None if steps is None else whole(steps, "advance: steps", 0)
+        until = None if until is None else finite(until, "advance: until")
         last, end = self._goal(steps, until)
         self._look()
         while self.iteration < last and self.time < end:

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import threading
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -140,6 +141,44 @@ def test_a_case_made_of_keys_is_the_case_of_its_text(tmp_path):
 def test_what_is_wrong_is_raised_in_the_words_of_the_command_line(make, told):
     with pytest.raises(hpcpic.ConfigError, match=told):
         make()
+
+
+@pytest.mark.parametrize("threads", [0, -1, 1.5, "2", True])
+def test_threads_are_a_whole_number_from_one_on(threads, tmp_path):
+    case = hpcpic.Case("plasma-oscillation")
+    told = rf"threads: a whole number, 1 or more \(got {threads!r}\)"
+    for take in (partial(case.run, tmp_path / "run"), case.simulation, case.estimate):
+        with pytest.raises(hpcpic.ConfigError, match=told):
+            take(threads=threads)
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("ranks", [0, -2, 1.5, "2"])
+def test_ranks_are_a_whole_number_from_one_on(ranks):
+    case = hpcpic.Case("plasma-oscillation")
+    for take in (case.check, case.estimate):
+        with pytest.raises(hpcpic.ConfigError, match="ranks: a whole number, 1 or more"):
+            take(ranks=ranks)
+
+
+def test_an_advance_goes_to_a_time_or_by_steps_that_there_are():
+    with hpcpic.Case("plasma-oscillation").changed(SHORT).simulation(threads=np.int64(1)) as sim:
+        for goal in ({"until": float("nan")}, {"until": float("inf")}, {"until": "2"}, {"steps": -5}, {"steps": 2.5}):
+            with pytest.raises(hpcpic.ConfigError, match=f"advance: {next(iter(goal))}: a .* number"):
+                sim.advance(**goal)
+        sim.advance(steps=np.int64(2))
+        sim.advance(steps=0)
+        assert sim.iteration == 2
+
+
+def test_wall_and_checkpoints_are_taken_as_numbers_too(tmp_path):
+    case = hpcpic.Case("plasma-oscillation").changed(SHORT)
+    run = case.run(tmp_path / "run", threads=1, wall=600, checkpoint_every=5, quiet=True)
+    assert run.status == "finished" and (run.path / "checkpoints/00000010.h5").exists()
+    for wrong in ({"wall": -60.0}, {"wall": "soon"}, {"checkpoint_every": 2.5}):
+        with pytest.raises(hpcpic.ConfigError, match="is no"):
+            case.run(tmp_path / "other", threads=1, quiet=True, **wrong)
+    assert not (tmp_path / "other").exists()
 
 
 def test_limits_bind_in_python_too(tmp_path):
