@@ -95,6 +95,12 @@ class Case:
         case._read()
         return case
 
+    def __reduce__(self) -> tuple[Callable[..., Case], tuple[Any, ...]]:
+        """For pickle: what the case is made of, and the arrays that it starts from. It is read again where it comes."""
+        files = [path for folder in self._starts for path in sorted(Path(folder.name).iterdir())]
+        arrays = {str(path): path.read_bytes() for path in files}
+        return _made_again, (type(self), self._source, self._text, self._sets, arrays)
+
     def __str__(self) -> str:
         """libconfig text with every default filled in, which reads back to the same case."""
         return dump(self.config)
@@ -183,6 +189,23 @@ class Case:
         threads = _threads(threads)
         enforce(self._app.derived(self.config, 1), self._read_case.tree, force)
         return Simulation(self._app, self.config, threads)
+
+
+def _made_again(
+    kind: type[Case], source: str | None, text: str, sets: tuple[str, ...], arrays: Mapping[str, bytes]
+) -> Case:
+    """A case that was pickled; its arrays are in files of its own."""
+    case = object.__new__(kind)
+    case._source, case._starts = source, ()
+    for old, content in arrays.items():
+        folder = tempfile.TemporaryDirectory(prefix="hpcpic-")
+        case._starts = (*case._starts, folder)
+        path = Path(folder.name) / Path(old).name
+        path.write_bytes(content)
+        text, sets = text.replace(old, str(path)), tuple(words.replace(old, str(path)) for words in sets)
+    case._text, case._sets = text, sets
+    case._read()
+    return case
 
 
 def _threads(given: int | None) -> int | None:

@@ -2,6 +2,7 @@
 
 import json
 import signal
+import pickle
 import subprocess
 import sys
 import threading
@@ -238,6 +239,19 @@ def test_a_run_that_starts_from_arrays_keeps_them(tmp_path):
     words = [sys.executable, "-m", "hpcpic", "restart", str(tmp_path / "run"), "--set", "simulation.cycles=8"]
     assert subprocess.run(words, capture_output=True).returncode == 0
     assert hpcpic.open_run(tmp_path / "run").digest == digest
+
+
+def test_a_case_survives_pickling_with_its_changes_and_its_arrays():
+    """Also when the case that was pickled, whose files its arrays were in, is gone."""
+    x, v = arrays_of(64)
+    cases = [sph.Case("weir").changed({"numerics.spacing": 0.02}), started(position=x, velocity=v)]
+    told = [repr(case) for case in cases]
+    case, other = pickle.loads(pickle.dumps(cases.pop(0))), pickle.dumps(cases.pop())
+    assert type(case) is sph.Case and case.config.numerics.spacing == 0.02
+    other = pickle.loads(other).changed({"simulation.cycles": 8})
+    with other.simulation(threads=1) as sim:
+        np.testing.assert_array_equal(sim.particles()["position"][:, 0], x[:, 0])
+    assert repr(case) == told[0] and repr(other).startswith(told[1][:-1])
 
 
 @pytest.mark.parametrize(
