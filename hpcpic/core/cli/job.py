@@ -280,6 +280,8 @@ class _Job:
 
         assert self.rundir is not None
         end: dict[str, Any] = {"status": "diverged" if code == 4 else "failed", "exit_code": code, "reason": text}
+        if self.going:
+            end["steps"] = self.going.iteration
         history = [*self.history, self.part | end] if self.part else self.history
         try:
             if code == 4 and self.going:
