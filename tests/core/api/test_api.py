@@ -1,8 +1,8 @@
 """The Python face: what is done in Python gives what the command line gives, and errors are exceptions."""
 
 import json
-import signal
 import pickle
+import signal
 import subprocess
 import sys
 import threading
