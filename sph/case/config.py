@@ -213,6 +213,7 @@ class Wall(Section):
 @dataclass(frozen=True)
 class GaugeKind:
     """units: of a reading in 2D and 3D. vector: it reads a component along each axis. at_point: of the fluid there.
+    column: of the fluid above and below its place, all along the vertical.
 
     along: it has an axis, or needs one (`needs_axis`; `axis`: by default). area: it has an extent.
     """
@@ -220,6 +221,7 @@ class GaugeKind:
     units: tuple[str, str]
     vector: bool = False
     at_point: bool = False
+    column: bool = False
     along: bool = True
     needs_axis: bool = False
     axis: str | None = None
@@ -229,7 +231,7 @@ class GaugeKind:
 PRESSURE = GaugeKind(("Pa", "Pa"), at_point=True, along=False)
 WALL_PRESSURE = GaugeKind(("Pa", "Pa"), needs_axis=True, area=True)
 VELOCITY = GaugeKind(("m/s", "m/s"), vector=True, at_point=True, along=False)
-ELEVATION = GaugeKind(("m", "m"))
+ELEVATION = GaugeKind(("m", "m"), column=True)
 FRONT = GaugeKind(("m", "m"), axis="x+")
 FLOW = GaugeKind(("m2/s", "m3/s"), needs_axis=True, area=True)
 GAUGES = {

@@ -55,7 +55,7 @@ class Gauges:
     def reach(self, gauge: Gauge) -> NDArray[np.float64]:
         """How far from its place a gauge looks at fluid along each axis, m."""
         reach = np.full(self.scene.dimensions, self.scene.support)
-        if gauge.kind is ELEVATION:
+        if gauge.kind.column:
             reach[self.scene.vertical(gauge)[0]] = np.inf
         if gauge.kind is FLOW:
             reach[:] = [size / 2 or np.inf for size in gauge.size or (0.0,) * len(reach)]
@@ -136,9 +136,7 @@ class Gauges:
         full = np.median(share[share > 0.5 * share.max()]) if share.max() > MIN_WEIGHT else 0.0
         wet = np.flatnonzero(share > 0.5 * full) if full else np.zeros(0, int)
         if not len(wet):
-            if gauge.name not in self._beds:
-                self._beds[gauge.name] = self.bed(gauge)
-            return self._beds[gauge.name]
+            return self.bed(gauge)
         top = int(wet[-1])
         if top + 1 == len(levels):
             return sign * float(levels[top])
@@ -147,14 +145,18 @@ class Gauges:
 
     def bed(self, gauge: Gauge) -> float:
         """Where the walls that stay are first met from above, over the point of a gauge of level, m; where there are
-        none, the side of the domain.
+        none, the side of the domain. It is looked for once.
         """
+        if gauge.name in self._beds:
+            return self._beds[gauge.name]
         scene, (axis, sign) = self.scene, self.scene.vertical(gauge)
         top, low = (scene.high, scene.low)[:: int(sign)]
         start, up = np.array(gauge.at, float), sign * np.eye(scene.dimensions)[axis]
         start[axis], depth = top[axis], abs(top[axis] - low[axis])
         walls = [wall for wall in scene.walls if not wall.moving and not wall.rigid]
-        return float(top[axis] - sign * min(depth, free_way(walls, start, -up, depth, scene.spacing)))
+        bed = float(top[axis] - sign * min(depth, free_way(walls, start, -up, depth, scene.spacing)))
+        self._beds[gauge.name] = bed
+        return bed
 
     def flow(self, gauge: Gauge, own: Own) -> float:
         """Volume per time through the section, m3/s (2D: m2/s), counted in a slice of two spacings on each side."""

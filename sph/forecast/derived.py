@@ -8,7 +8,7 @@ import numpy as np
 
 from hpcpic.core.case.derived import Derived, Verdict, rounded_down
 from sph.case import geometry
-from sph.case.config import ELEVATION, WALL_PRESSURE, SphConfig
+from sph.case.config import WALL_PRESSURE, SphConfig
 from sph.forecast.plausibility import sensible
 from sph.kernels.marks import CODES
 from sph.physics import stability
@@ -343,7 +343,7 @@ def images(scene: Scene) -> Iterator[Derived]:
 def dry_gauges(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     """Gauges where no fluid comes."""
     for i, gauge in enumerate(config.gauge):
-        over = scene.vertical(gauge)[0] if gauge.kind is ELEVATION else None  # all along this axis it reads
+        over = scene.vertical(gauge)[0] if gauge.kind.column else None  # all along this axis it reads
         ends = enumerate(zip(gauge.at, scene.low, scene.high))
         beyond = [max(a - x, x - b, 0.0) for k, (x, a, b) in ends if k != over and not scene.periodic[k]]
         if max(beyond, default=0.0) > 0.0:

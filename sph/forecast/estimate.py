@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hpcpic.core.app.forecast import FILES, Estimate, gain, writing_seconds
-from sph.case.config import ELEVATION, SphConfig
+from sph.case.config import SphConfig
 from sph.forecast.plan import MIB, arrays, counts, images
 from sph.physics import stability
 from sph.physics.fluxes import FLUXES
@@ -22,7 +22,7 @@ from sph.physics.wall_rules import rule_of
 DELTA = {2: 1.0, 3: 1.4}  # more for renormalised gradients, by dimension; measured
 SERIES_BYTES = 24 * 8 * 2
 START = 1.4  # s: interpreter, libraries, kernels from the cache
-LEVELS = 8  # of a gauge of elevation, of which each spacing of the support around a particle has so many (sph.gauges)
+LEVELS = 8  # looked at by a gauge of elevation in each spacing of a particle's support (sph.diagnostics.gauges)
 
 # Measured on the authors' machine, one core of a 2-core AMD Zen 5 at 4.1 GHz.
 DEFAULT = FILES | {
@@ -142,10 +142,10 @@ def sample_seconds(config: SphConfig, rates: Mapping[str, float]) -> float:
     """Seconds of one line of the series: sums, forces, and the columns of fluid over gauges of elevation."""
     d, reach, (fluid, _) = config.dimensions, support_of(config) / config.numerics.spacing, counts(config)
     near = min(fluid, 2 * reach * fluid**0.5 if d == 2 else math.pi * reach**2 * fluid ** (1 / 3))
-    elevations = sum(gauge.kind is ELEVATION for gauge in config.gauge)
+    columns = sum(gauge.kind.column for gauge in config.gauge)
     measured = sum(wall.measure_force for wall in config.wall)
     fixed = 1e-6 * (rates["sph_sample_us"] + measured * rates["force_us"])
-    return fixed + 1e-9 * elevations * near * LEVELS * reach * rates["gauge_ns"]
+    return fixed + 1e-9 * columns * near * LEVELS * reach * rates["gauge_ns"]
 
 
 def sums(config: SphConfig) -> float:

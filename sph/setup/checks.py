@@ -12,7 +12,7 @@ from hpcpic.core.files.start import start_faults
 from sph.case import geometry
 from sph.case.bodies import Body, Hinge
 from sph.case.columns import columns_of, scalar_units
-from sph.case.config import AXES, ELEVATION, FRONT, WALL_PRESSURE, Fluid, Gauge, Shape, SphConfig, Wall, name_of
+from sph.case.config import AXES, FRONT, WALL_PRESSURE, Fluid, Gauge, Shape, SphConfig, Wall, name_of
 from sph.physics import stability
 from sph.physics.liquids import liquids_of
 from sph.physics.smoothing import SMOOTHING
@@ -118,7 +118,7 @@ def gauge_faults(gauge: Gauge, d: int) -> Iterator[Fault]:
         yield (), f"axis is missing, which a gauge of {gauge.what} needs"
     if gauge.size and not kind.area:
         yield ("size",), f"a gauge of {gauge.what} has no size; one of wall-pressure is the mean over an area of wall"
-    if gauge.fluid and gauge.kind is not ELEVATION:
+    if gauge.fluid and not kind.column:
         yield ("fluid",), f"a gauge of {gauge.what} has no fluid, only one of elevation"
     for name in ("radius", "wall"):
         if getattr(gauge, name) and kind is not WALL_PRESSURE:
