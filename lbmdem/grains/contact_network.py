@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.core.physics.contact_law import spring_energy
 from hpcpic.core.space.products import product
 from lbmdem.grains.dem import Dem
 
@@ -75,7 +76,7 @@ def energies(dem: Dem) -> dict[str, float]:
     pairs, law, n = dem.list, dem.law, dem.grains.n
     c = {name: column[:n] for name, column in dem.grains.columns.items()}
     here = (pairs.low < n) & (pairs.lines[:, 7] > 0.0)
-    elastic = 0.5 * law.stiffness * np.square(2.0 * pairs.lines[here, 7])
+    elastic = spring_energy(2.0 * pairs.lines[here, 7], law)
     if law.shear > 0.0:
         elastic = elastic + 0.5 * law.shear * np.square(pairs.springs[:, here]).sum(axis=0)
     potential = -np.where(c["fixed"] == 0, c["mass"] * product(c["row"][:, :3], dem.gravity), 0.0)

@@ -66,7 +66,7 @@ class Dem:
         arena.group(grains=GrainArrays, contacts=Contacts, lists=GrainLists, box=Box)
         self.gravity = np.zeros(3)
         self.gravity[: len(acceleration)] = acceleration
-        law = ContactLaw._make((*map(float, law[:5]), law.pulls))
+        law = ContactLaw._make(value if isinstance(value, bool) else float(value) for value in law)
         arena.set(gravity=self.gravity, planar=domain.ndim == 2, law=law, film=self._film, dt=0.0, first_wall=0)
         self.grains = grains = Grains(world, domain, columns, arena)
         arena.set(lengths=grains.lengths, inverses=grains.inverses)

@@ -66,6 +66,11 @@ def normal_force(overlap: Any, opening: Any, damping: Any, law: ContactLaw, dt: 
     return normal, travel, depth, dashpot * opening
 
 
+def spring_energy(overlap: Any, law: ContactLaw) -> Any:
+    """Energy of the normal spring at an overlap (m), J."""
+    return 0.5 * law.stiffness * (overlap * overlap)
+
+
 def deepest_overlap(speed: float, mass: float, law: ContactLaw) -> float:
     """The overlap (m) at which a body (kg) that meets a wall at this speed (m/s) turns round; of spring and dashpot."""
     damped = math.sqrt(1.0 - law.damping**2)
