@@ -1,5 +1,9 @@
 """Pages that the code itself tells: the verbs of the command line, every key of every simulator, and the tutorials with
 what their notebooks give when they are run.
+
+In the sources every link leads to a file of the repository, so that they can be read there. In the site a link to a
+notebook leads to its page, one to the keys of a simulator to their table, and a line that is only a link, with the path
+of a file as its text, becomes the file.
 """
 
 from __future__ import annotations
@@ -9,7 +13,7 @@ import re
 import tempfile
 from collections.abc import Iterable, Iterator
 from importlib import import_module
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import click
@@ -23,6 +27,8 @@ from hpcpic.core.cli.main import VERBS, build
 
 TUTORIALS = sorted((Path(__file__).parent / "tutorials").glob("*.ipynb"))
 PROGRAMS = {"hpcpic": "Plasma", "sph": "SPH", "lbmdem": "Lattice and grains"}
+ROOT = Path(__file__).parents[1]
+KEYS = {"hpcpic/plasma": "hpcpic", "sph": "sph", "lbmdem": "lbmdem"}  # whose case/config.py has the keys
 
 
 def on_files(files: Files, config: Any) -> Files:
@@ -36,6 +42,24 @@ def on_files(files: Files, config: Any) -> Files:
         for name, picture in pictures.items():
             files.append(File.generated(config, f"tutorials/{name}", content=picture))
     return files
+
+
+def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
+    """A page with its links as the site has them."""
+    folder = PurePosixPath(page.file.src_uri).parent
+
+    def keys(link: re.Match) -> str:
+        return f"]({'../' * len(folder.parts)}reference/{KEYS[link[1]]}.md)"
+
+    markdown = re.sub(r"\]\([./]*?(hpcpic/plasma|sph|lbmdem)/case/config\.py\)", keys, markdown)
+    markdown = re.sub(r"\]\(([./]*tutorials/\w+)\.ipynb\)", r"](\1.md)", markdown)
+    return re.sub(r"^\[([\w./-]+)\]\(\S+\)$", lambda link: file_text(ROOT / link[1]), markdown, flags=re.MULTILINE)
+
+
+def file_text(file: Path) -> str:
+    """A file as a block of code."""
+    language = {".py": "python", ".sh": "bash", ".diff": "diff"}.get(file.suffix, "")
+    return f"```{language}\n{file.read_text(encoding='utf-8').rstrip()}\n```"
 
 
 def tutorial(notebook: Path) -> tuple[str, dict[str, bytes]]:

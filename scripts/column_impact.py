@@ -24,7 +24,7 @@ TABLE = """The force on the column in the cases of Silvester & Cleary 2006 with 
 `python scripts/column_impact.py`; all by the clock of the experiment, {shift} s late. Peak and plateau are of the
 force filtered over 13 ms, the impulse until 1.3 s.
 
-![force on the column with particles of {spacings}](gallery/{picture})
+![force on the column with particles of {spacings}]({picture})
 
 | case | peak, N | arrival, s | plateau, N | impulse, N s |
 | --- | --- | --- | --- | --- |

@@ -197,7 +197,7 @@ def page() -> str:
     for program in PROGRAMS:
         lines += [f"## {program.title}: `{program.name}`", ""]
         for table in sorted(PICTURES.glob(f"{program.name}-*.md")):  # of scripts that compare cases
-            lines += [table.read_text(encoding="utf-8")]
+            lines += [table.read_text(encoding="utf-8").replace("](", "](gallery/")]
         for case, path in program.cases.items():
             lines += entry(program, case, path)
     return "\n".join(lines)
