@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hpcpic.core.app.figures import COLOURS, INK, NoData, NotInScene, new_figure, pictured, present, style
-from sph.analysis import render, theory
+from sph.analysis import outlines, render, theory
+from sph.analysis.outlines import is_body
 from sph.analysis.run_config import config_of, scene_of
 from sph.case import geometry
 from sph.physics.reference import velocity_gradient
@@ -56,10 +58,6 @@ def gases_at(run: Run, snapshots: Particles, number: int) -> np.ndarray:
     """Positions[n, 3] of the particles of gases in a snapshot."""
     names = [fluid.name for fluid in config_of(run).fluid if fluid.gas and fluid.name in snapshots.species]
     return np.concatenate([*(snapshots.read(name, number)["position"] for name in names), np.zeros((0, 3))])
-
-
-def is_body(wall: WallSection) -> bool:
-    return wall.body is not None
 
 
 def is_no_body(wall: WallSection) -> bool:
@@ -113,10 +111,11 @@ def view_limits(run: Run, snapshots: Particles) -> tuple[np.ndarray, np.ndarray]
     scene = scene_of(run)
     low, high = scene.low.copy(), scene.high.copy()
     reached_low, reached_high = np.full(scene.dimensions, np.inf), np.full(scene.dimensions, -np.inf)
+    strays = 0.001 if scene.dimensions == 2 else 0.0  # left out on each side: a dot, but not half a ball
     for number in range(len(snapshots.steps)):
         x = fluid_at(run, snapshots, number)["position"][:, : scene.dimensions]
-        reached_low = np.minimum(reached_low, np.quantile(x, 0.001, axis=0))
-        reached_high = np.maximum(reached_high, np.quantile(x, 0.999, axis=0))
+        reached_low = np.minimum(reached_low, np.quantile(x, strays, axis=0))
+        reached_high = np.maximum(reached_high, np.quantile(x, 1.0 - strays, axis=0))
         solid = walls_at(run, snapshots, number, is_body)[:, : scene.dimensions]
         reached_low = np.minimum(reached_low, solid.min(axis=0, initial=np.inf))
         reached_high = np.maximum(reached_high, solid.max(axis=0, initial=-np.inf))
@@ -126,10 +125,15 @@ def view_limits(run: Run, snapshots: Particles) -> tuple[np.ndarray, np.ndarray]
     return low - margin, np.minimum(high, reached_high) + margin
 
 
+def layout(panels: int, most: int) -> tuple[int, int]:
+    """Lines and columns, of which there are at most so many, with the fewest places left empty on that many lines."""
+    lines = math.ceil(panels / most)
+    return lines, math.ceil(panels / lines)
+
+
 def _panels_2d(run: Run, snapshots: Particles, numbers: Sequence[int]) -> Figure:
     low, high = view_limits(run, snapshots)
-    columns = min(len(numbers), 3 if (high - low)[0] < 2.2 * (high - low)[1] else 2)
-    lines = -(-len(numbers) // columns)
+    lines, columns = layout(len(numbers), 3 if (high - low)[0] < 2.2 * (high - low)[1] else 2)
     width = 9.0 / columns if len(numbers) > 1 else 6.4
     tall = max(0.2 * width, min(1.25 * width, (width - 0.5) * (high - low)[1] / (high - low)[0]))
     found = [fluid_at(run, snapshots, number, gases=False) for number in numbers]
@@ -148,9 +152,8 @@ def _panels_2d(run: Run, snapshots: Particles, numbers: Sequence[int]) -> Figure
         axis.scatter(air[:, 0], air[:, 1], s=0.25 * size, color=WALL, linewidths=0, rasterized=True)
         dots = axis.scatter(x[:, 0], x[:, 1], c=particles["pressure"], s=size, linewidths=0, vmin=least, vmax=most,
                             rasterized=True)  # fmt: skip
-        if not len(walls):
-            for line in wall_outlines(run, float(snapshots.times[number])):
-                axis.plot(*line, color=WALL, linewidth=1.5)
+        for line in outlines.in_plane(scene_of(run).walls, float(snapshots.times[number]), low, high):
+            axis.plot(*line, color=WALL, linewidth=1.5 if not len(walls) else 0.8)
         for ends in moorings_at(run, snapshots, number):
             axis.plot(ends[:, 0], ends[:, 1], color=BODY, linewidth=1.0)
         for outline in predicted_outline(config_of(run), float(snapshots.times[number])):
@@ -173,19 +176,6 @@ def _panels_2d(run: Run, snapshots: Particles, numbers: Sequence[int]) -> Figure
     return figure
 
 
-def wall_outlines(run: Run, t: float) -> list[tuple[list[float], list[float]]]:
-    """The closed faces of boxes among the walls of a 2D case at time t."""
-    found = []
-    for wall in scene_of(run).walls:
-        if wall.section.shape.box:
-            moved = wall.motion(t)[0]
-            (x0, y0), (x1, y1) = (np.array(corner) + moved for corner in geometry.bounds(wall.section.shape))
-            edges = {"x-": ([x0, x0], [y0, y1]), "x+": ([x1, x1], [y0, y1])}
-            edges |= {"y-": ([x0, x1], [y0, y0]), "y+": ([x0, x1], [y1, y1])}
-            found += [edges[face] for face in sorted(wall.closed)]
-    return found
-
-
 def predicted_outline(config: SphConfig, t: float) -> list[tuple[np.ndarray, np.ndarray]]:
     """Where theory puts the surface: the ellipse of a round drop that is drawn out along y."""
     flow, shape = flow_of(config.fluid[0], Linear), config.fluid[0].shape
@@ -205,21 +195,21 @@ def _panels_3d(run: Run, snapshots: Particles, numbers: Sequence[int]) -> Figure
     from matplotlib.colors import Normalize, to_rgb
 
     low, high = view_limits(run, snapshots)
-    view = render.View(np.stack([low, high]), PIXELS)
+    radius = 0.6 * config_of(run).numerics.spacing
+    view = render.View(np.stack([low - radius, high + radius]), PIXELS)
     found = [fluid_at(run, snapshots, number, gases=False) for number in numbers]
     speeds = [np.linalg.norm(particles["velocity"], axis=1) for particles in found]
     norm = Normalize(0.0, max(float(np.quantile(speed, 0.995)) for speed in speeds) or 1.0)
     colours = colormaps["viridis"]
     ratio = view.shape[0] / view.shape[1]
-    columns = min(2 if ratio < 1 else 3, len(numbers))
-    lines = -(-len(numbers) // columns)
+    lines, columns = layout(len(numbers), 2 if ratio < 1 else 3)
     width = min(9.2 / columns if len(numbers) > 1 else 6.4, 4.6 / ratio)
     tall = width * ratio
     figure, axes = new_figure(lines, columns, (width * columns + 0.6, lines * (tall + 0.3)), squeeze=False)
     spacing = config_of(run).numerics.spacing
     for axis, number, particles, speed in zip(axes.flat, numbers, found, speeds):
-        x, paint = particles["position"], colours(norm(speed))[:, :3]
-        for wall in solid_boxes(run, float(snapshots.times[number])):
+        x, paint, t = particles["position"], colours(norm(speed))[:, :3], float(snapshots.times[number])
+        for wall in outlines.solid_boxes(scene_of(run).walls, t):
             surface = render.box_surface(np.clip(wall[0], low, high), np.clip(wall[1], low, high), spacing / 2)
             x = np.concatenate([x, surface])
             paint = np.concatenate([paint, np.full((len(surface), 3), to_rgb(WALL))])
@@ -231,8 +221,8 @@ def _panels_3d(run: Run, snapshots: Particles, numbers: Sequence[int]) -> Figure
             beads = np.linspace(ends[0], ends[1], max(2, int(np.linalg.norm(ends[1] - ends[0]) / (0.3 * spacing))))
             x = np.concatenate([x, beads])
             paint = np.concatenate([paint, np.full((len(beads), 3), to_rgb(BODY))])
-        axis.imshow(render.paint(view, x, paint, 0.6 * spacing), interpolation="bilinear", zorder=2)
-        for edge in render.box_edges(*tank_box(run, low, high)):
+        axis.imshow(render.paint(view, x, paint, radius), interpolation="bilinear", zorder=2)
+        for edge in outlines.tank(scene_of(run).walls, t, low, high):
             line = view.project(edge)
             axis.plot(line[:, 0], view.shape[0] - 1 - line[:, 1], color="#8a8f98", linewidth=0.6, zorder=1)
         axis.set_title(f"t = {snapshots.times[number]:.3g} s", fontsize=10, fontweight="normal")
@@ -240,29 +230,10 @@ def _panels_3d(run: Run, snapshots: Particles, numbers: Sequence[int]) -> Figure
     for axis in axes.flat[len(numbers) :]:
         axis.set_visible(False)
     figure.colorbar(ScalarMappable(norm, colours), ax=axes, label="speed, m/s", pad=0.01, aspect=30)
-    edges = " x ".join(f"{edge:.3g}" for edge in np.subtract(*tank_box(run, low, high)[::-1]))
+    corners = np.concatenate(outlines.tank(scene_of(run).walls, 0.0, low, high))
+    edges = " x ".join(f"{edge:.3g}" for edge in np.nanmax(corners, axis=0) - np.nanmin(corners, axis=0))
     figure.supxlabel(f"box {edges} m", fontsize=9)
     return figure
-
-
-def solid_boxes(run: Run, t: float) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Corners at time t of the solid boxes among the walls that are no rigid bodies."""
-    found = []
-    for wall in scene_of(run).walls:
-        if wall.section.solid and wall.section.shape.box and not is_body(wall.section):
-            moved = wall.motion(t)[0]
-            low, high = (np.array(corner) + moved for corner in geometry.bounds(wall.section.shape))
-            found.append((low, high))
-    return found
-
-
-def tank_box(run: Run, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Corners of the tank, else of what is shown."""
-    for wall in scene_of(run).walls:
-        if wall.section.shape.box and not wall.section.solid:
-            a, b = (np.array(corner) for corner in geometry.bounds(wall.section.shape))
-            return np.maximum(a, low), np.minimum(b, high)
-    return low, high
 
 
 # ------------------------------------------------------------------------------------------- profiles
