@@ -54,6 +54,7 @@ class Limit:
     unstable: float | None
     slow: bool = False  # 4 times the horizon moves it by more than 5 %: no limit, a slow growth
     seeds: dict[int, bool] = field(default_factory=dict)  # seed -> same within 5 %
+    tried: dict[float, float] = field(default_factory=dict)  # x -> growth, infinite of a run that diverged
 
     @property
     def x(self) -> float:
@@ -116,13 +117,18 @@ class Limits:
     def bisect(self, axis: Axis, beside: Mapping[str, float] | None = None, start: float = 1.0) -> Limit:
         """The limit on the axis at the first horizon, from a bracket about `start`."""
         name, others = axis.knob.name, beside or {}
+        tried: dict[float, float] = {}
 
         def probe(x: float) -> tuple[float, bool]:
             words = f"{x:.4g} of the theory's limit" if axis.number else f"{x:.4g} of the case's"
             pilot = self.run({**others, name: axis.size(x)}, words=words)
-            return axis.x(pilot.sizes[name]), self.growth(pilot) > BLOWUP
+            real = axis.x(pilot.sizes[name])
+            tried[real] = self.growth(pilot)
+            return real, tried[real] > BLOWUP
 
-        return bracketed(probe, start, WIDEST if axis.number else WIDEST_BLIND)
+        limit = bracketed(probe, start, WIDEST if axis.number else WIDEST_BLIND)
+        limit.tried = tried
+        return limit
 
     def confirm(self, axis: Axis, limit: Limit) -> None:
         """The longer horizon a little below the limit, and the other seeds on both sides of it."""

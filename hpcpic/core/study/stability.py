@@ -127,9 +127,24 @@ def tell(limits: Limits, axis: Axis, limit: Limit, rates: list[tuple[float, floa
     else:
         last = f"{knob.name} = {knob.shown(axis.size(limit.unstable or 0.0)):.4g} {knob.unit}"
         click.echo(f"measured    unstable down to {last}")
+    tell_tried(axis, limit)
     if rates:
         click.echo("slow growth, no limit; rate of growth:" if limit.slow else "rate of growth:")
         table((with_unit(knob), "1/s"), [(shown(knob.shown(s)), shown(rate, ".3g")) for s, rate in rates])
+
+
+def tell_tried(axis: Axis, limit: Limit) -> None:
+    """A table of the sizes that bisection tried, in order, with the end of stability that theory gives between them."""
+    from hpcpic.core.study.bisection import BLOWUP
+
+    rows = [(x, "diverged" if math.isinf(grown) else shown(grown, ".3g"), "unstable" if grown > BLOWUP else "stable")
+            for x, grown in limit.tried.items()]  # fmt: skip
+    if axis.number is not None:
+        rows.append((1.0, "", "theory's limit"))
+    cells = [(shown(axis.knob.shown(axis.size(x))), shown(x, ".3f"), *words) for x, *words in sorted(rows)]
+    over = "over theory's limit" if axis.number is not None else "over the case's"
+    click.echo(f"tried, stable where nothing grows {BLOWUP:g} times as large:")
+    table((with_unit(axis.knob), over, "growth", "verdict"), cells)
 
 
 def with_unit(knob: Knob) -> str:
@@ -171,6 +186,7 @@ def facts(limits: Limits, axis: Axis, limit: Limit, rates: list[tuple[float, flo
         "number": None if number is None else {"symbol": number.symbol, "limit": axis.theory, "source": number.source},
         "slow": limit.slow,
         "seeds": {str(seed): same for seed, same in limit.seeds.items()},
+        "tried": [(axis.size(x), grown if math.isfinite(grown) else None) for x, grown in sorted(limit.tried.items())],
         "rates": rates,
         "runs": len(limits.pilots.done),
     }
