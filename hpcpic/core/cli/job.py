@@ -232,7 +232,7 @@ class _Job:
         now = {"ranks": self.world.size, "threads": threads, "status": "running"}
         self.part = summary.part(now | {"first_step": model.iteration, "started": summary.date(self.started)})
         now |= {"start_seconds": time.monotonic() - self.started, "start_compiling_seconds": self.compiling.seconds}
-        now |= {"exit_code": None, "work_unit": model.work_unit, f"{model.work_unit}s": model.work_items}
+        now |= {"exit_code": None, "reason": "", "work_unit": model.work_unit, f"{model.work_unit}s": model.work_items}
 
         def write() -> bytes:
             assert self.rundir is not None

@@ -5,6 +5,7 @@ run.series["energy_field"], run.series.time
 run.field("rho", time=1.5), run.particles("electrons", step=100)["velocity"]
 """
 
+import shlex
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import cached_property
@@ -27,6 +28,26 @@ ROOT = "VTKHDF"
 def open_run(path: Path | str, program: str = "") -> "Run":
     """A run folder, running or ended. Raises FileError when it is none, or not of the `program` that is named."""
     return Run(RunDir.open(path, program))
+
+
+def _as_it_is(rundir: RunDir) -> dict[str, Any]:
+    """run.json, with the status "killed" where it says that a run goes on and no process holds the folder. Where that
+    is not seen, `reason` says so.
+    """
+    facts = rundir.read_run()
+    if facts.get("status") != "running" or rundir.held():
+        return facts
+    facts = rundir.read_run()  # it may have ended, or begun, meanwhile
+    held = rundir.held()
+    if facts.get("status") != "running" or held:
+        return facts
+    if held is None:
+        host = facts.get("host") or "another machine"
+        return facts | {"reason": f"as far as run.json tells: whether it goes on can be seen on {host} only"}
+    kept = rundir.checkpoints.is_dir() and any(rundir.checkpoints.glob("*.h5"))
+    way = f"go on with: {facts.get('program', 'PROGRAM')} restart {shlex.quote(str(rundir.path))}"
+    reason = f"it left without a word; {way if kept else 'it left no checkpoint: start again'}"
+    return facts | {"status": "killed", "reason": reason}
 
 
 class Snapshots:
@@ -154,8 +175,8 @@ class Run:
 
     @cached_property
     def summary(self) -> dict[str, Any]:
-        """run.json."""
-        return self.rundir.read_run()
+        """run.json; what it cannot tell of a process that was killed, the lock of the folder tells."""
+        return _as_it_is(self.rundir)
 
     @cached_property
     def config(self) -> str:

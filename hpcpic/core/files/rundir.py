@@ -10,6 +10,7 @@ import math
 import os
 import platform
 import re
+import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
@@ -27,6 +28,7 @@ RUN_FILES = (
 RUN_FOLDERS = {"checkpoints": r"\d{8,}\.h5", "openpmd": r"data\d*\.h5"}  # and what a run calls its files there
 LOCK = ".lock"
 NO_LOCKS = (errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOLCK)  # what parallel file systems say that are mounted without
+LOOKS, LOOK_SECONDS = 5, 0.02  # before a folder counts as in use: who reads it holds its lock for a moment
 log = logging.getLogger(__name__)
 
 
@@ -251,13 +253,18 @@ class RunDir:
 
     def lock(self) -> None:
         """Hold the folder until `unlock` or the end of the process; clean up after dead ones. FileError."""
-        path = self.path / LOCK
+        path, looks = self.path / LOCK, 0
         while True:
             flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC
             file = os.fdopen(os.open(path, flags, 0o644), "r+b")  # stays open as long as the lock is held
+            looks += 1
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
+                if looks < LOOKS:
+                    file.close()
+                    time.sleep(LOOK_SECONDS)
+                    continue
                 file.seek(0)
                 owner = file.read(200).decode(errors="replace").strip() or "another process"
                 file.close()
@@ -274,6 +281,22 @@ class RunDir:
         file.flush()
         self._lock = file
         self._sweep()
+
+    def held(self) -> bool | None:
+        """True if a process holds the folder. None where that is not seen: a free lock of a process of another machine,
+        as not all file systems share locks, or a lock that cannot be tried.
+        """
+        try:
+            with open(self.path / LOCK, "rb") as file:
+                owner = file.read(200).decode(errors="replace").strip()
+                fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+        except FileNotFoundError:  # who leaves in order removes it
+            return False
+        except OSError:
+            return None
+        return False if owner.endswith(f" on {platform.node()}") else None
 
     def unlock(self) -> None:
         if self._lock is not None:

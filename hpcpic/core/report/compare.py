@@ -59,8 +59,7 @@ def make_compare_command(app_loader: AppLoader) -> click.Command:
         _print_timers(*runs)
         digests = [run.summary.get("state_digest") for run in runs]
         same = None not in digests and digests[0] == digests[1]
-        known = "the same bits" if same else "different"
-        click.echo(f"final state: {'not known of a run that has not ended' if None in digests else known}")
+        click.echo(f"final state: {'the same bits' if same else _not_same(runs)}")
         for text in missing:
             click.echo(text)
         beyond = [d.what for d in differences if _verdict(d, tol) == "fail"]
@@ -69,6 +68,16 @@ def make_compare_command(app_loader: AppLoader) -> click.Command:
             raise CheckFailed(f"beyond the tolerance {tol:g}: {', '.join(reasons)}")
 
     return compare
+
+
+def _not_same(runs: Sequence[Run]) -> str:
+    """What is told of final states that are not the same bits: which run has none, and why."""
+    open_ends = [
+        ": ".join([f"{run.path} is {run.summary.get('status', 'unknown')}", *filter(None, [run.summary.get("reason")])])
+        for run in runs
+        if run.summary.get("state_digest") is None
+    ]
+    return f"not known, as {'; '.join(open_ends)}" if open_ends else "different"
 
 
 def _print_differences(differences: Sequence[Difference], tolerance: float) -> None:
@@ -110,12 +119,18 @@ def _series(a: Run, b: Run) -> Iterator[Difference | str]:
     import numpy as np
 
     first, second = a.series, b.series
+    if not len(first.step) and not len(second.step):
+        yield "series: no row in either run, so nothing to compare"
+        return
     same = first.step.tolist() == second.step.tolist()
     if not same:
         yield f"series: rows of different steps ({len(first.step)} and {len(second.step)}), b interpolated in time"
     if not len(second.time):
         return
     rows = (first.time >= second.time[0]) & (first.time <= second.time[-1])
+    if not rows.any():
+        yield "series: no time in common"
+        return
     yield from _common("series", first.keys(), second.keys())
     for name in first:
         if name in second:

@@ -40,12 +40,12 @@ def swept_labels(sets: Sequence[Sequence[str]]) -> list[str]:
 
 
 def several_runs(app: App, runs: Mapping[str, Run]) -> Page:
-    failed = [label for label, run in runs.items() if run.summary.get("exit_code") not in (0, None)]
+    failed = [label for label, run in runs.items() if run.summary.get("exit_code") != 0]
     return Page(
         program=f"{app.name} · {app.title}",
         title=f"{len(runs)} runs beside each other",
         subtitle=", ".join(runs),
-        status=f"{len(failed)} did not finish" if failed else "all finished",
+        status=f"{len(failed)} not finished" if failed else "all finished",
         mark="warn" if failed else "ok",
         facts=[],
         figures=_overlays(runs),

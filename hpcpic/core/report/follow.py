@@ -38,7 +38,7 @@ def states_of(folder: str, program: str, follow: bool) -> Iterator[Run]:
             return
         now = time.monotonic()
         rested = now + max(LEAST_PAUSE_S, PAUSES * (now - began))
-        while _stamps(folder) == seen or (time.monotonic() < rested and _goes_on(open_run(folder, program))):
+        while _goes_on(open_run(folder, program)) and (_stamps(folder) == seen or time.monotonic() < rested):
             time.sleep(POLL_S)
 
 

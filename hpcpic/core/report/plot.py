@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from hpcpic.core.files.reader import Run
 
 
+UNENDED = ("running", "killed")  # what a run is of which run.json tells no end
+
+
 def plots_of(app: App) -> Mapping[str, Plot]:
     """The figures of an app by name; loads what draws them."""
     return app.plots() if app.plots else {}
@@ -65,8 +68,12 @@ def make_plot_command(app_loader: AppLoader) -> click.Command:
 
 
 def so_far(run: Run) -> str:
-    """Where a run stands: its status, and the step and time of its newest sample."""
+    """Where a run stands: its status, with the reason where it has not ended in order, and the step and time of its
+    newest sample.
+    """
     status = str(run.summary.get("status", "unknown"))
+    if status in UNENDED and run.summary.get("reason"):
+        status = f"{status} ({run.summary['reason']})"
     if not (run.path / "series.h5").exists() or not len(run.series.step):
         return status
     return f"{status}, step {run.series.step[-1]}, t = {run.series.time[-1]:.5g} s"

@@ -18,7 +18,7 @@ from hpcpic.core.errors import ConfigError
 from hpcpic.core.report.comparison_page import labels, several_runs
 from hpcpic.core.report.follow import follow_option, states_of
 from hpcpic.core.report.page import NO_HEADER, Drawn, Page, Table, inline, render
-from hpcpic.core.report.plot import explained, plots_of, so_far
+from hpcpic.core.report.plot import UNENDED, explained, plots_of, so_far
 from hpcpic.core.run.summary import is_dissipation, several, stepping_seconds
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ def one_run(app: App, run: Run) -> Page:
         omitted=omitted,
         failures=failures,
         tables=[t for t in (_derived(facts), _conserved(run, facts), _timers(app, facts), _estimate(facts)) if t.rows],
-        warnings=[str(w) for w in facts.get("warnings", ())],
+        warnings=[*_unended(facts), *(str(w) for w in facts.get("warnings", ()))],
         config=run.config,
         provenance=_provenance(facts),
     )
@@ -111,10 +111,16 @@ def one_run(app: App, run: Run) -> Page:
 
 def _so_far(run: Run) -> dict[str, Any]:
     """Step and time of a run under way, or killed: those of its newest sample, as run.json tells them at the end."""
-    if run.summary.get("status") != "running" or not (run.path / "series.h5").exists():
+    if run.summary.get("status") not in UNENDED or not (run.path / "series.h5").exists():
         return {}
     step, time = run.series.step, run.series.time
     return {"steps": int(step[-1]), "time": float(time[-1])} if len(step) else {}
+
+
+def _unended(facts: Mapping[str, Any]) -> list[str]:
+    """Why a run has no end, or none that can be seen from here."""
+    reason = facts.get("reason")
+    return [f"{facts['status']}: {reason}"] if facts.get("status") in UNENDED and reason else []
 
 
 def _case(run: Run) -> tuple[Header, str]:

@@ -7,6 +7,8 @@ import subprocess
 import pytest
 from toy_runner import environment, wait_until
 
+from hpcpic.core.files.reader import open_run
+
 SLOW = {"steps": 300, "pause": 0.005}
 
 
@@ -55,6 +57,26 @@ def test_a_folder_that_is_moved_is_followed(toy, ranks):
     assert toy.facts("b")["status"] == "finished" and toy.checkpoints("b") == [250, 300]
     assert toy.facts("b")["state_digest"] == toy.digest(steps=300)
     assert (toy.folder / "b/series.csv").read_text().count("\n") == 302
+
+
+@pytest.mark.parametrize("words", [(), ("--checkpoint-every", "5")])
+def test_a_run_that_was_killed_is_none_under_way(toy, words):
+    """Whoever reads the folder is told, and how to go on, though run.json has nobody to write it."""
+    process = toy.start("run", "ring.conf", "-o", "a", "--threads", "1", *words, steps=10**6, pause=0.005)
+    assert open_run(toy.folder / "a").summary["status"] == "running"
+    if words:
+        wait_until(lambda: toy.checkpoints("a"))
+    process.kill()
+    process.communicate()
+    summary = open_run(toy.folder / "a").summary
+    assert (toy.facts("a")["status"], summary["status"]) == ("running", "killed")
+    assert (f"toy restart {toy.folder}/a" if words else "no checkpoint: start again") in summary["reason"]
+    told = toy("compare", "a", "a")
+    assert told.stdout.count("a is killed: it left without a word") == 2
+    if words:
+        done = toy("restart", "a", "--threads", "1", "--set", "pause=0", "--until", "0.5")
+        assert done.returncode == 0, done.stderr
+        assert open_run(toy.folder / "a").summary["status"] == "finished"
 
 
 def test_a_folder_that_is_removed_is_a_file_error(toy):

@@ -143,6 +143,38 @@ def test_two_processes_cannot_hold_one_folder(tmp_path: Path) -> None:
     RunDir(tmp_path).lock()
 
 
+def test_who_holds_a_folder_is_seen_as_far_as_it_can_be(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert RunDir(tmp_path).held() is False
+    holder = subprocess.Popen([sys.executable, "-c", HOLD, tmp_path], stdin=-1, stdout=-1, text=True)
+    assert holder.stdout is not None and holder.stdout.readline() == "held\n"
+    assert RunDir(tmp_path).held() is True
+    holder.kill()
+    holder.communicate()
+    assert RunDir(tmp_path).held() is False
+    with monkeypatch.context() as elsewhere:  # where a free lock may be that of a process which this machine cannot see
+        elsewhere.setattr(rundir_module.platform, "node", lambda: "another")
+        assert RunDir(tmp_path).held() is None
+
+    def none(*_: object) -> None:
+        raise OSError(errno.ENOLCK, "no locks")
+
+    monkeypatch.setattr(fcntl, "flock", none)
+    assert RunDir(tmp_path).held() is None
+
+
+def test_a_folder_that_is_only_being_looked_at_is_not_in_use(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / ".lock").touch()
+    with open(tmp_path / ".lock", "rb") as reader:
+        fcntl.flock(reader, fcntl.LOCK_SH)
+        monkeypatch.setattr(rundir_module.time, "sleep", lambda _: reader.close())
+        held = RunDir(tmp_path)
+        held.lock()
+        assert reader.closed and held.held()
+    held.unlock()
+
+
 def test_a_lock_that_its_holder_removes_is_taken_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -16,6 +16,16 @@ def run_of(folder, times, rate=3.0):
     return open_run(folder)
 
 
+def test_series_with_nothing_in_common_are_no_equal_series(tmp_path):
+    """What cannot be compared is told: a regression test must not pass by runs that were killed."""
+    empty, late = run_of(tmp_path / "a", []), run_of(tmp_path / "b", [2.0, 3.0])
+    assert list(_series(empty, empty)) == ["series: no row in either run, so nothing to compare"]
+    early = run_of(tmp_path / "c", [0.0, 1.0, 1.5])
+    for pair in ((early, empty), (empty, early), (early, late), (late, early)):
+        found = list(_series(*pair))
+        assert found and all(isinstance(entry, str) for entry in found), found
+
+
 def test_scalars_at_other_times_are_compared_where_both_runs_have_been(tmp_path):
     """A scalar linear in time is the same in both to round-off; another rate shows at the end of the shorter run."""
     a = run_of(tmp_path / "a", [0.0, 0.1, 0.25, 0.5, 0.9, 1.0])

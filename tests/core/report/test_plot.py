@@ -61,6 +61,8 @@ def test_who_follows_a_run_sees_each_change_until_it_ends(folder, tmp_path, monk
         (copy / "new.json").replace(copy / "run.json")
 
     write("running")
+    held = RunDir(copy)
+    held.lock()
     states = follow.states_of(copy, "hpcpic", follow=True)
     assert next(states).summary["status"] == "running"
     waiting = threading.Thread(target=lambda: seen.append(next(states).summary["status"]))
@@ -72,6 +74,11 @@ def test_who_follows_a_run_sees_each_change_until_it_ends(folder, tmp_path, monk
     waiting.join(10)
     assert seen == ["finished"] and next(states, None) is None
     assert len(list(follow.states_of(copy, "hpcpic", follow=False))) == 1
+    write("running")
+    states = follow.states_of(copy, "hpcpic", follow=True)
+    assert next(states).summary["status"] == "running"
+    held.unlock()  # as the end of the process does, which writes nothing
+    assert next(states).summary["status"] == "killed" and next(states, None) is None
 
 
 def test_plot_and_report_that_follow_end_with_the_run(folder, tmp_path):

@@ -20,6 +20,7 @@ from hpcpic.__main__ import load_app
 from hpcpic.core.app.figures import NotInScene, Plot
 from hpcpic.core.cli.main import build
 from hpcpic.core.errors import FileError
+from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.report.report import number
 from hpcpic.plasma.app import shipped_cases
 
@@ -149,9 +150,14 @@ def test_a_run_under_way_tells_how_far_its_series_is(folders, tmp_path):
     for name in ("steps", "time", "exit_code"):
         del facts[name]
     (folder / "run.json").write_text(json.dumps(facts | {"status": "running"}))
-    assert report(folder).exit_code == 0
-    words = " ".join(re.sub("<[^>]*>", " ", (folder / "report.html").read_text()).split())
-    assert "steps 200 t = 10 s" in words
+    held = RunDir(folder)
+    held.lock()
+    for status in ("running", "killed"):  # with, and without a process that holds the folder
+        assert report(folder).exit_code == 0
+        words = " ".join(re.sub("<[^>]*>", " ", (folder / "report.html").read_text()).split())
+        assert "steps 200 t = 10 s" in words and status in words
+        assert ("killed: it left without a word" in words) == (status == "killed")
+        held.unlock()
 
 
 def test_a_folder_without_a_run_is_a_file_error(tmp_path):
