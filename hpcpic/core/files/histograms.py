@@ -7,7 +7,7 @@ grows last and tells how many rows are valid.
 """
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -38,8 +38,16 @@ class HistogramsWriter:
     and raises FileError on all ranks; the file is then as before.
     """
 
-    def __init__(self, world: "World | Alone", path: Path, after: int | None = None) -> None:
+    def __init__(
+        self,
+        world: "World | Alone",
+        path: Path,
+        after: int | None = None,
+        before: Callable[[], None] = lambda: None,
+    ) -> None:
+        """At a restart the rows up to `after` are kept; `before()` is called when the file is about to change."""
         self.world, self.path, self._bytes = world, path, 0
+        self.before = before
         self._rows: list[tuple[int, float, Mapping[str, Counts]]] = []
 
         def keep(file: "h5py.File") -> None:
@@ -60,6 +68,7 @@ class HistogramsWriter:
         rows, self._rows, self._bytes = self._rows, [], 0
         if not rows:
             return
+        self.before()
         with together(self.world, f"cannot append to {self.path}"):
             if self.world.rank == 0:
                 self._write(rows)

@@ -12,7 +12,7 @@ import math
 import os
 import time as clock
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -75,12 +75,20 @@ class _Temporal(ABC):
     """
 
     def __init__(
-        self, world: "World | Alone", path: Path, after: int | None = None, time_share: float = 1.0
+        self,
+        world: "World | Alone",
+        path: Path,
+        after: int | None = None,
+        time_share: float = 1.0,
+        before: Callable[[], None] = lambda: None,
     ) -> None:
-        """At a restart the steps up to `after` are kept. Raises FileError on all ranks."""
+        """At a restart the steps up to `after` are kept; `before()` is called when the file is about to change.
+        Raises FileError on all ranks.
+        """
         self.world = world
         self.path = path
         self.time_share = time_share
+        self.before = before
         self._waiting: list[_Snapshot] = []
         self._waiting_bytes = 0
         self._next_flush = 0.0  # by the clock of rank 0
@@ -107,6 +115,7 @@ class _Temporal(ABC):
         batch, self._waiting, self._waiting_bytes = self._waiting, [], 0
         if not batch:
             return
+        self.before()
         began = clock.monotonic()
         shards = {f"{name} {k}": shard for k, new in enumerate(batch) for name, shard in new.shards.items()}
 

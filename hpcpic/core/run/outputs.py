@@ -86,12 +86,18 @@ class Outputs:
 
     def flush(self) -> None:
         """The series and the snapshots so far are in the files afterwards. Collective."""
-        if self._series is not None and "series" not in self.broken:
-            self._kept_going("series", self._series.flush)()
+        self.flush_series()
         for kind, writer in self._writers.items():
             if kind not in self.broken:
                 with self.timers.section(f"output {kind}"):
                     self._kept_going(kind, writer.flush)()
+
+    def flush_series(self) -> None:
+        """On rank 0 the rows of the series so far are in its files afterwards: before any snapshot is, so that a run
+        that is killed has the scalars of what its snapshots show.
+        """
+        if self._series is not None and "series" not in self.broken:
+            self._kept_going("series", self._series.flush)()
 
     def _kept_going(self, kind: str, observe: Callable[[], None]) -> Callable[[], None]:
         def attempt() -> None:
@@ -130,7 +136,7 @@ class Outputs:
         from hpcpic.core.files.snapshot import FieldsWriter
 
         model = self.model
-        writer = FieldsWriter(self.world, self.rundir.fields, after=self.after, time_share=WRITING_SHARE)
+        writer = FieldsWriter(self.world, self.rundir.fields, self.after, WRITING_SHARE, self.flush_series)
         self._writers["field"] = writer
 
         def observe() -> None:
@@ -146,7 +152,7 @@ class Outputs:
 
         model = self.model
         path = self.rundir.path / f"{model.particle_name}s.vtkhdf"
-        writer = ParticlesWriter(self.world, path, after=self.after, time_share=WRITING_SHARE)
+        writer = ParticlesWriter(self.world, path, self.after, WRITING_SHARE, self.flush_series)
         self._writers["particle"] = writer
 
         def observe() -> None:
@@ -161,7 +167,7 @@ class Outputs:
         from hpcpic.core.files.histograms import FILE, HistogramsWriter
 
         model = cast("Counting", self.model)  # it has the period
-        writer = HistogramsWriter(self.world, self.rundir.path / FILE, after=self.after)
+        writer = HistogramsWriter(self.world, self.rundir.path / FILE, self.after, self.flush_series)
         self._writers["histogram"] = writer
 
         def observe() -> None:
@@ -180,6 +186,7 @@ class Outputs:
         def observe() -> None:
             fields, species = model.fields(), model.particles()
             self.rest()
+            self.flush_series()
             with self.timers.section("output openpmd"):
                 writer.append(model.iteration, model.time, model.domain, fields, species)
 

@@ -9,6 +9,7 @@ import pytest
 from toy_app import Toy, ToyConfig
 
 from hpcpic.core.comm.world import World
+from hpcpic.core.files.reader import open_run
 from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.files.series import read_series
 from hpcpic.core.run import checkpoint, loop
@@ -63,13 +64,29 @@ def shared_runner(tmp_path):
 
 
 def steps_of(runner, name="a"):
-    return sorted(int(path.stem) for path in (runner.folder / name / "checkpoints").iterdir())
+    return sorted(int(path.stem) for path in (runner.folder / name / "checkpoints").glob("*"))
 
 
 def test_series_at_its_period_and_at_the_end(runner):
     outcome, _ = runner(steps=25, output={"series": 10})
     assert outcome.exit_code == 0
     assert read_series(runner.folder / "a").step.tolist() == [0, 10, 20, 25]
+
+
+def test_the_series_has_what_snapshots_and_checkpoints_show(runner):
+    """At every moment at which the run may be killed, from the first step on."""
+    seen = []
+
+    def look(app, stop):
+        run = open_run(runner.folder / "a")
+        there = set(run.series.step.tolist())
+        shown = {*run.field_snapshots.steps.tolist(), *run.particle_snapshots.steps.tolist(), *steps_of(runner)}
+        assert shown and shown <= there, (shown, there)
+        seen.append(max(shown))
+
+    outputs = {"series": 1, "field": 5, "particle": 7}
+    outcome, _ = runner(steps=60, hook=look, pause=0.005, output=outputs, checkpoint_every=Every(8))
+    assert outcome.exit_code == 0 and len(seen) == 60 and seen[-1] >= 56
 
 
 def test_checkpoints_by_steps_keep_two_and_the_end_is_always_there(runner):
