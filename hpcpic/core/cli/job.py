@@ -63,6 +63,7 @@ class Plan:
     folder: str
     config: str  # with every default filled in
     restart: bool = False
+    finished: bool = False  # what a restart finds
     allowed: str = ""  # words of the command that let it run beyond limits
     used: dict[str, str] = field(default_factory=dict)  # name -> text of Python files of the user
     warnings: list[str] = field(default_factory=list)
@@ -169,6 +170,9 @@ class _Job:
                 with _closing(made) as model:
                     if reader:
                         self._take_up(model, reader, plan)
+                        if plan.finished and loop.at_end(model):
+                            self._nothing_to_do(model)
+                            return 0
                     self._begin(model, plan, threads)
                     options = loop.Options(
                         stop, WallLimit(self.flags.seconds(), self.started), timers, threads, sys.stdout,
@@ -226,6 +230,15 @@ class _Job:
                 reader.path, reader.version, __version__,
             )  # fmt: skip
         model.restore(reader)
+
+    def _nothing_to_do(self, model: Model) -> None:
+        """Tell it; the folder stays as the run has left it."""
+        if self.world.rank == 0:
+            log.say(
+                sys.stdout,
+                f"nothing to do: the run has finished, at step {model.iteration}, t = {model.time:g} s; "
+                "--until T goes on to a later time\n",
+            )
 
     def _begin(self, model: Model, plan: Plan, threads: int) -> None:
         """The folder says that this part of the run goes on: not before nothing can refuse it. Collective."""

@@ -38,7 +38,8 @@ def make_restart_command(app_loader: AppLoader) -> click.Command:
         patience: str,
         quiet: bool,
     ) -> int:
-        """Go on from the newest good checkpoint in DIR, on any number of ranks and threads.
+        """Go on from the newest good checkpoint in DIR, on any number of ranks and threads. A finished run stays as it
+        is, unless it is to end later.
 
         --set may change what does not belong to the state: the number of steps, outputs.
         """
@@ -60,7 +61,8 @@ def make_restart_command(app_loader: AppLoader) -> click.Command:
                 rundir.unlock()
                 raise
             text, texts = kept_text(config, tree, rundir.path), use.texts()
-            return rundir, Plan(folder, text, restart=True, used=texts, warnings=warnings, history=history)
+            finished = facts.get("status") == "finished" and facts.get("exit_code") == 0
+            return rundir, Plan(folder, text, True, finished, used=texts, warnings=warnings, history=history)
 
         return job(app_loader, prepare, Flags(threads, wall, checkpoint_every, patience, quiet))
 

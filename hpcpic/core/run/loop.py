@@ -77,6 +77,11 @@ def run(model: Model, world: World, rundir: RunDir, options: Options) -> Outcome
         watchdog.close()
 
 
+def at_end(model: Model) -> bool:
+    """True after the last step, or at the end time of a model that does not know their number."""
+    return model.time >= model.end_time if model.n_steps is None else model.iteration >= model.n_steps
+
+
 class _Run:
     def __init__(self, model: Model, world: World, rundir: RunDir, options: Options, watchdog: Watchdog) -> None:
         self.model, self.world, self.rundir, self.options, self.watchdog = model, world, rundir, options, watchdog
@@ -160,9 +165,7 @@ class _Run:
         return int(min(looks))
 
     def at_end(self) -> bool:
-        """True after the last step, or at the end time of a model that does not know their number."""
-        model = self.model
-        return model.time >= model.end_time if model.n_steps is None else model.iteration >= model.n_steps
+        return at_end(self.model)
 
     def agreement_due(self) -> bool:
         step, every = self.model.iteration, self.options.checkpoint_every

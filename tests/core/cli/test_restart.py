@@ -39,10 +39,20 @@ def test_a_finished_run_goes_on_to_the_same_state(half, ranks, words):
     assert [int(row[0]) for row in rows[1:]] == list(range(201))
 
 
-def test_a_finished_run_restarted_as_it_is_changes_nothing(half):
-    before = half.facts("a")
-    assert half("restart", "a").returncode == 0
-    assert half.facts("a")["state_digest"] == before["state_digest"]
+@pytest.mark.parametrize("ranks, words", [(1, ()), (2, ()), (1, ("--set", "output.field=10"))])
+def test_a_finished_run_that_is_not_to_end_later_stays_as_it_is(half, ranks, words):
+    """Its timers above all: a part of no step has none."""
+
+    def content():
+        files = {path for path in (half.folder / "a").rglob("*") if path.is_file()}
+        return {path: path.read_bytes() for path in files}
+
+    before = content()
+    done = half("restart", "a", "--quiet", *words, ranks=ranks)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("nothing to do: the run has finished, at step 100, t = 0.0976562 s; --until T")
+    assert done.stdout.count("\n") == 1
+    assert content() == before
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
