@@ -23,15 +23,16 @@ _STYLES = {"ok": "green", "warn": "yellow", "fail": "bold red"}
 
 
 class Shown(str):
-    """A cell of a table: what people read, and the number behind it."""
+    """A cell of a table: what people read, and the number behind it, with its unit."""
 
     value: float | int | bool
+    unit: str = ""
 
 
 def shown(value: float, form: str = ".4g", unit: str = "") -> Shown:
     """A number as a cell, in a format of Python and with its unit."""
     cell = Shown(f"{value:{form}} {unit}".rstrip())
-    cell.value = value
+    cell.value, cell.unit = value, unit
     return cell
 
 
@@ -79,11 +80,31 @@ def _plain(cell: object) -> Any:
     return value if isinstance(value, bool | int | float) else str(value)
 
 
+def _objects(headers: Sequence[str], rows: Sequence[Sequence[object]]) -> list[dict[str, Any]]:
+    """The rows of a table for JSON. A column of numbers with units has a column of units beside it: "unit" beside
+    "value", as tables for people have it, else "COLUMN unit".
+    """
+    named = {
+        k: "unit" if header == "value" else f"{header} unit"
+        for k, header in enumerate(headers)
+        if any(getattr(row[k], "unit", "") for row in rows)
+    }
+    return [
+        {
+            key: content
+            for k, (header, cell) in enumerate(zip(headers, row))
+            for key, content in ((header, _plain(cell)), (named.get(k), getattr(cell, "unit", "")))
+            if key
+        }
+        for row in rows
+    ]
+
+
 def table(headers: Sequence[str], rows: Iterable[Sequence[object]], right: Sequence[str] = ()) -> None:
     """Print rows under their headers; columns named in `right` are aligned there; verdicts are coloured."""
     rows = list(rows)
     if answer:
-        answer.tables.append([dict(zip(headers, map(_plain, row))) for row in rows])
+        answer.tables.append(_objects(headers, rows))
         return
     cells = [list(map(str, row)) for row in rows]
     widths = [max(map(len, column)) for column in zip(headers, *cells)]
@@ -143,7 +164,7 @@ def amount(n: float) -> Shown:
     """1.5 MiB, of bytes"""
     k = next((k for k in range(4) if n < 1024 ** (k + 1)), 4)
     cell = Shown(f"{n / 1024**k:.4g} {('', 'Ki', 'Mi', 'Gi', 'Ti')[k]}B")
-    cell.value = n
+    cell.value, cell.unit = n, "B"
     return cell
 
 
@@ -152,7 +173,7 @@ def duration(seconds: float) -> Shown:
     minutes, hours = f"{seconds // 60:.0f} min {int(seconds % 60)} s", f"{seconds // 3600:.0f} h"
     longer = minutes if seconds < 3600 else f"{hours} {int(seconds % 3600 // 60)} min"
     cell = Shown(f"{seconds:.3g} s" if seconds < 60 else longer)
-    cell.value = seconds
+    cell.value, cell.unit = seconds, "s"
     return cell
 
 

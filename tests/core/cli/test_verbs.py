@@ -329,6 +329,17 @@ def test_tables_as_json_hold_the_numbers_behind_their_cells(words, column, first
     assert any(isinstance(value, float) for value in numbers) == (words.split()[0] in ("check", "estimate"))
 
 
+def test_every_number_of_an_estimate_as_json_has_its_unit():
+    """A reader need not know which times are in ms; shares have none. `check` has the same form."""
+    done = CliRunner().invoke(build(lambda: SPH, "sph", "x"), ["estimate", "water-column", "--json"])
+    memory, disk, step, time = tables = json.loads(done.output)["tables"]
+    assert all(row["size unit"] == "B" for row in memory + disk) and all(row["time unit"] == "ms" for row in step)
+    assert [row["unit"] for row in time] == ["s", "ms", ""] and list(time[0])[1:] == ["value", "unit"]
+    numbers = {key for table in tables for row in table for key, cell in row.items() if isinstance(cell, float)}
+    assert numbers == {"size", "time", "value", "share"}
+    assert all(isinstance(row["share"], float | str) and "share unit" not in row for row in memory + step)
+
+
 @pytest.mark.parametrize("name", ["water-column", "column-impact-b"])
 def test_the_text_of_a_case_is_a_case_of_its_own_elsewhere(name, tmp_path):
     """Also where the shipped one includes another."""
