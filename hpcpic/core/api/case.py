@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from hpcpic.core.api.numbers import whole, words
-from hpcpic.core.api.results import Run
+from hpcpic.core.api.results import Run, ended, threads_of
 from hpcpic.core.api.simulation import Simulation
 from hpcpic.core.api.tables import Check, Forecast
 from hpcpic.core.api.texts import case_text, setting_text
@@ -23,7 +23,7 @@ from hpcpic.core.case.config import Place, Tree, loads
 from hpcpic.core.case.derived import enforce
 from hpcpic.core.case.schema import dump
 from hpcpic.core.cli.check import numbers_of
-from hpcpic.core.errors import ConfigError, Diverged, FileError, HpcpicError
+from hpcpic.core.errors import ConfigError
 
 if TYPE_CHECKING:
     from hpcpic.core.cli.job import Plan
@@ -161,15 +161,11 @@ class Case:
             plan.warnings += told
             return rundir, plan
 
-        flags = Flags(_threads(threads), words(wall), words(checkpoint_every), quiet=quiet, summary=not quiet)
+        flags = Flags(threads_of(threads), words(wall), words(checkpoint_every), quiet=quiet, summary=not quiet)
         flags.seconds(), flags.interval()  # which are refused before there is a folder
         told = use.keep_own()
         target = run_folder(self._read_case) if folder is None else os.fspath(folder)
-        code = job(lambda: self._app, prepare, flags, raises=True)
-        run = Run.open(target, self._app)
-        if code in _RAISED:
-            raise _RAISED[code](f"{target}: {run.summary.get('reason', '')}")
-        return run
+        return ended(job(lambda: self._app, prepare, flags, raises=True), target, self._app)
 
     @contextmanager
     def _file(self) -> Iterator[str]:
@@ -186,7 +182,7 @@ class Case:
         """The simulation in memory, at its initial state: use it in a `with`. Nothing is written. Collective.
 
         force: in spite of limits that allow it. Raises ConfigError beyond the others."""
-        threads = _threads(threads)
+        threads = threads_of(threads)
         enforce(self._app.derived(self.config, 1), self._read_case.tree, force)
         return Simulation(self._app, self.config, threads)
 
@@ -206,11 +202,3 @@ def _made_again(
     case._text, case._sets = text, sets
     case._read()
     return case
-
-
-def _threads(given: int | None) -> int | None:
-    """Threads per rank; None for the default. Raises ConfigError."""
-    return None if given is None else whole(given, "threads")
-
-
-_RAISED: Mapping[int, type[HpcpicError]] = {4: Diverged, 6: FileError}

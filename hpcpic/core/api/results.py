@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import os
-from functools import cached_property
+from collections.abc import Mapping
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 from hpcpic.core.api import arrays
+from hpcpic.core.api.numbers import finite, whole, words
+from hpcpic.core.api.simulation import Simulation
+from hpcpic.core.api.texts import setting_text
+from hpcpic.core.app import use
 from hpcpic.core.app.app import App
-from hpcpic.core.errors import ConfigError
+from hpcpic.core.errors import ConfigError, Diverged, FileError, HpcpicError
 from hpcpic.core.files import reader
 
 if TYPE_CHECKING:
@@ -19,7 +24,8 @@ if TYPE_CHECKING:
 class Run:
     """One run: finished, under way, stopped or killed, made here or on another machine.
 
-    `summary` is run.json; `status` and `digest` are taken from it. Raises FileError for what the folder does not hold.
+    `summary` is run.json; `status` and `digest` are taken from it. Files are read when they are asked for, and then
+    kept: open a run that is under way again to see more of it. Raises FileError for what the folder does not hold.
     """
 
     def __init__(self, files: reader.Run, app: App) -> None:
@@ -134,3 +140,63 @@ class Run:
         figure.set_facecolor(PAPER)  # of notebooks in the dark
         figure._repr_png_ = lambda: png(figure)  # without pyplot nobody has told IPython how to show a figure
         return figure
+
+    def restart(
+        self,
+        changes: Mapping[str, Any] | None = None,
+        *,
+        until: float | None = None,
+        threads: int | None = None,
+        wall: str | float | None = None,
+        checkpoint_every: str | int | None = None,
+        quiet: bool = False,
+    ) -> Run:
+        """Do what the verb `restart` does: go on from the newest good checkpoint, and open the folder again. Collective
+        under mpirun, on any number of ranks.
+
+        changes: keys that do not belong to the state, as the number of steps or outputs, with new values. until: the
+        end [s] instead of the case's. The others are those of `Case.run`. Raises ConfigError, FileError and Diverged as
+        that does.
+        """
+        from hpcpic.core.cli.job import Flags, job
+        from hpcpic.core.cli.restart import prepare_restart
+
+        until = None if until is None else finite(until, "until")
+        sets = tuple(f"{key}={setting_text(value, key, _keep_nothing)}" for key, value in (changes or {}).items())
+        flags = Flags(threads_of(threads), words(wall), words(checkpoint_every), quiet=quiet, summary=not quiet)
+        flags.seconds(), flags.interval()  # which are refused before the folder is touched
+        use.keep_own()
+        prepare = partial(prepare_restart, str(self.path), until, sets)
+        return ended(job(lambda: self._app, prepare, flags, raises=True), self.path, self._app)
+
+    def simulation(self, *, threads: int | None = None) -> Simulation:
+        """The simulation in memory, at the state of the newest good checkpoint: use it in a `with`. The run stays as it
+        is. Collective. Raises ConfigError and FileError.
+        """
+        from hpcpic.core.cli.restart import case_of, facts_of
+
+        threads = threads_of(threads)
+        use.keep_own()
+        use.import_kept(facts_of(self._files.rundir), self._files.rundir.given)
+        config, tree, _ = case_of(self._app, self._files.rundir, None, (), 1)
+        return Simulation(self._app, config, threads, checkpoints=(self._files.rundir, tree))
+
+
+def ended(code: int, folder: str | os.PathLike[str], app: App) -> Run:
+    """A run that this process has made, by its exit code. Raises what it ended with."""
+    run = Run.open(folder, app)
+    if code in _RAISED:
+        raise _RAISED[code](f"{run.path}: {run.summary.get('reason', '')}")
+    return run
+
+
+def threads_of(given: int | None) -> int | None:
+    """Threads per rank; None for the default. Raises ConfigError."""
+    return None if given is None else whole(given, "threads")
+
+
+def _keep_nothing(given: Mapping[str, Any]) -> str:
+    raise ConfigError("start: a restart goes on from a checkpoint, not from arrays")
+
+
+_RAISED: Mapping[int, type[HpcpicError]] = {4: Diverged, 6: FileError}

@@ -19,6 +19,9 @@ from hpcpic.core.run.triggers import Every, EveryTime, Observer
 if TYPE_CHECKING:
     import xarray
 
+    from hpcpic.core.case.config import Tree
+    from hpcpic.core.files.rundir import RunDir
+
 Look = TypeVar("Look", bound="Callable[[Simulation], object]")
 
 
@@ -34,7 +37,10 @@ class Simulation:
     Its digest after the last step is that of `run`, whatever the ranks, threads and observers.
     """
 
-    def __init__(self, app: App, config: Any, threads: int | None = None) -> None:
+    def __init__(
+        self, app: App, config: Any, threads: int | None = None, checkpoints: tuple[RunDir, Tree] | None = None
+    ) -> None:
+        """checkpoints: the run whose newest one it goes on from, and its case."""
         from hpcpic.core import memory
         from hpcpic.core.comm.world import World
         from hpcpic.core.run.guard import Guard
@@ -48,12 +54,23 @@ class Simulation:
         try:
             memory.require_room(lambda: sum(app.estimate(config, self.world.size, self.threads, {}).memory.values()))
             self.model = make(config, self.world, self._pool, Timers())
+            if checkpoints:
+                self._take_up(app, *checkpoints)
         except BaseException:
             self._pool.close()
             raise
         self._guard = Guard(self.world, self.model.guard, self.model.iteration)
         self._observers: list[Observer] = []
         self._open = True
+
+    def _take_up(self, app: App, rundir: RunDir, tree: Tree) -> None:
+        from hpcpic.core.cli.job import fixed_settings, refuse_others
+        from hpcpic.core.run import checkpoint
+
+        reader = checkpoint.newest(rundir, self.world)
+        refuse_others(reader, app, fixed_settings(app, tree))
+        checkpoint.hold(reader, self.model.columns(reader), self.world)
+        self.model.restore(reader)
 
     def __enter__(self) -> Self:
         return self

@@ -90,6 +90,11 @@ def import_kept(facts: Mapping[str, object], given: Path) -> None:
             if (given / name).stat().st_uid != os.geteuid():
                 said = "belongs to another user, and would run as you; copy the folder of the run if you trust it"
                 raise ConfigError(f"{given / name}: {said}")
+        if name in used and used[name].digest != digest:
+            raise ConfigError(
+                f"{given / name}: the run was started with this file, and this process has imported {used[name].path}, "
+                "which has its name and another text: restart it in a process of its own"
+            )
         use(str(given / name))
         if used[name].digest != digest:
             raise ConfigError(f"{given / name}: not the file that the run was started with")

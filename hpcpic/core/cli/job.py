@@ -155,7 +155,7 @@ class _Job:
         with everywhere():
             reader = checkpoint.newest(self.rundir, self.world) if plan.restart else None
             if reader:
-                _refuse_others(reader, self.app, settings)
+                refuse_others(reader, self.app, settings)
         patience = parse_wall(self.flags.patience)
         pool = Pool(threads, self.world.cpus(threads), SECOND * patience)
         try:
@@ -352,7 +352,7 @@ def fixed_settings(app: App, tree: Tree) -> dict[str, str]:
     return {key: value_text(value) for key, value in leaves(tree.data) if not app.may_change(key)}
 
 
-def _refuse_others(reader: checkpoint.Reader, app: App, settings: Mapping[str, str]) -> None:
+def refuse_others(reader: checkpoint.Reader, app: App, settings: Mapping[str, str]) -> None:
     """Raises unless the checkpoint was made with these settings: ConfigError lists what differs."""
     program = reader.attributes.get("program")
     if program != app.name:

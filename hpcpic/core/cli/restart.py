@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -17,6 +18,7 @@ from hpcpic.core.errors import ConfigError, FileError
 from hpcpic.core.files.rundir import RunDir
 
 if TYPE_CHECKING:
+    from hpcpic.core.cli.job import Plan
     from hpcpic.core.comm.world import World
 
 
@@ -43,33 +45,40 @@ def make_restart_command(app_loader: AppLoader) -> click.Command:
 
         --set may change what does not belong to the state: the number of steps, outputs.
         """
-        from hpcpic.core.cli.job import Flags, Plan, job, require_memory
-        from hpcpic.core.files.given import kept_text
-        from hpcpic.core.run.summary import settled
+        from hpcpic.core.cli.job import Flags, job
 
-        def prepare(app: App, world: World) -> tuple[RunDir, Plan]:
-            rundir = RunDir.open(folder, app.name, damaged=True)
-            rundir.lock()
-            try:
-                facts = _facts(rundir)
-                use.import_kept(facts, rundir.given)
-                config, tree, warnings = _config(app, rundir, until, sets, world.size)
-                warnings += rundir.mend()
-                history = settled(facts.get("history", []))
-                warnings += require_memory(app, config, world.size, world.node_size, force=True)
-            except BaseException:
-                rundir.unlock()
-                raise
-            text, texts = kept_text(config, tree, rundir.path), use.texts()
-            finished = facts.get("status") == "finished" and facts.get("exit_code") == 0
-            return rundir, Plan(folder, text, True, finished, used=texts, warnings=warnings, history=history)
-
+        prepare = partial(prepare_restart, folder, until, sets)
         return job(app_loader, prepare, Flags(threads, wall, checkpoint_every, patience, quiet))
 
     return restart
 
 
-def _facts(rundir: RunDir) -> dict[str, Any]:
+def prepare_restart(
+    folder: str, until: float | None, sets: tuple[str, ...], app: App, world: World
+) -> tuple[RunDir, Plan]:
+    """Read the case of a run that is to go on, and hold its folder; on rank 0."""
+    from hpcpic.core.cli.job import Plan, require_memory
+    from hpcpic.core.files.given import kept_text
+    from hpcpic.core.run.summary import settled
+
+    rundir = RunDir.open(folder, app.name, damaged=True)
+    rundir.lock()
+    try:
+        facts = facts_of(rundir)
+        use.import_kept(facts, rundir.given)
+        config, tree, warnings = case_of(app, rundir, until, sets, world.size)
+        warnings += rundir.mend()
+        history = settled(facts.get("history", []))
+        warnings += require_memory(app, config, world.size, world.node_size, force=True)
+    except BaseException:
+        rundir.unlock()
+        raise
+    text, texts = kept_text(config, tree, rundir.path), use.texts()
+    finished = facts.get("status") == "finished" and facts.get("exit_code") == 0
+    return rundir, Plan(folder, text, True, finished, used=texts, warnings=warnings, history=history)
+
+
+def facts_of(rundir: RunDir) -> dict[str, Any]:
     """What run.json tells; nothing where it is damaged, which ends no restart from good checkpoints."""
     try:
         return rundir.read_run()
@@ -77,7 +86,7 @@ def _facts(rundir: RunDir) -> dict[str, Any]:
         return {}
 
 
-def _config(
+def case_of(
     app: App, rundir: RunDir, until: float | None, sets: tuple[str, ...], ranks: int
 ) -> tuple[Any, Tree, list[str]]:
     """The configuration to go on with, and its warnings.
@@ -88,13 +97,13 @@ def _config(
         key = assignment.partition("=")[0].strip()
         if not app.may_change(key):
             raise ConfigError(
-                f"--set {assignment}: a restart cannot change {key}; it can change {', '.join(app.free)}"
+                f"{assignment}: a restart cannot change {key}; it can change {', '.join(app.free)}"
             )
     before = app.configure(load(rundir.config))
     if until is not None:
         forwards = app.time_step is None or app.time_step(before) > 0
         if not math.isfinite(until) or (until < 0) == forwards:
-            raise ConfigError(f"--until {until:g}: must be a time in s after the start of the run, t = 0")
+            raise ConfigError(f"until {until:g}: must be a time in s after the start of the run, t = 0")
         sets = (*sets, *app.until(before, until))
     tree = load(rundir.config, sets)
     config = app.configure(tree)

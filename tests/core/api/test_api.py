@@ -213,6 +213,54 @@ def test_an_estimate_reads_as_the_command_prints_it():
     assert "2 ranks x 1 thread" in repr(forecast)
 
 
+def cut_off(case, folder, **flags):
+    """A run whose last checkpoint is lost, as one that was killed between its checkpoints."""
+    run = case.run(folder, threads=1, quiet=True, checkpoint_every=5, **flags)
+    max((run.path / "checkpoints").iterdir()).unlink()
+    return run
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_restart_in_python_ends_as_the_run_that_nobody_interrupted(oscillation, tmp_path, ranks):
+    cut_off(hpcpic.Case("plasma-oscillation").changed(SHORT), tmp_path / "run")
+    script = tmp_path / "again.py"
+    script.write_text(f"""import hpcpic
+run = hpcpic.open_run({str(tmp_path / "run")!r})
+with run.simulation(threads=1) as sim:
+    assert sim.iteration == 10
+    sim.advance()
+    assert sim.digest() == {oscillation.digest!r}
+assert run.restart(threads=1, quiet=True).digest == {oscillation.digest!r}
+""")
+    launcher = [] if ranks == 1 else [str(Path(sys.executable).with_name("mpirun")), "-n", "2"]
+    done = subprocess.run([*launcher, sys.executable, "-m", "mpi4py", str(script)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    again = hpcpic.open_run(tmp_path / "run")
+    assert again.summary["history"][-1]["first_step"] == 10
+    assert again.series.equals(oscillation.series)
+
+
+def test_a_restart_in_python_may_go_on_farther_and_changes_nothing_else(oscillation, tmp_path):
+    run = cut_off(hpcpic.Case("plasma-oscillation").changed({"simulation.cycles": 6}), tmp_path / "run")
+    for wrong, told in (
+        ({"changes": {"grid.points": [3]}}, "a restart cannot change grid.points; it can change description"),
+        ({"changes": {"species[0].start": {"position": [1.0]}}}, "goes on from a checkpoint"),
+        ({"until": -1.0}, "until -1: must be a time in s after the start"),
+        ({"until": "3"}, "until: a finite number"),
+        ({"until": 0.2}, "beyond the end asked for"),
+        ({"threads": 0}, "threads: a whole number"),
+        ({"wall": "soon"}, "is no wall time"),
+    ):
+        with pytest.raises(hpcpic.ConfigError, match=told):
+            run.restart(quiet=True, **wrong)
+    assert run.restart(SHORT, threads=1, quiet=True).digest == oscillation.digest
+    for checkpoint in (run.path / "checkpoints").iterdir():
+        checkpoint.unlink()
+    for use in (run.restart, run.simulation):
+        with pytest.raises(hpcpic.FileError, match="no checkpoint"):
+            use(threads=1)
+
+
 def arrays_of(n):
     return np.random.default_rng(2).uniform(0.0, 8.0, (n, 1)), np.linspace(-1.0, 1.0, n)[:, None]
 
@@ -276,6 +324,9 @@ def test_a_script_that_registers_a_kernel_makes_a_run_that_restarts(tmp_path):
     words = [sys.executable, "-m", "sph", "restart", str(tmp_path / "run"), "--until", "0.03"]
     done = subprocess.run(words, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+    script = f"import sph; print(sph.open_run({str(tmp_path / 'run')!r}).restart(until=0.04, quiet=True).status)"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.stdout == "finished\n", done.stderr
     assert (tmp_path / "run/given/own_kernel.py").read_text() == (EXAMPLES / "own_kernel.py").read_text()
 
 
