@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hpcpic.core.case.accelerations import ACCELERATIONS
+from hpcpic.core.case import accelerations
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import Diverged
 from hpcpic.core.files.arrays import Column, FieldArray, ParticleArray, Shard
@@ -116,7 +116,7 @@ class Sph:
         if named:
             self.tasks.arena.set(moment=np.zeros(1), corner=np.ascontiguousarray(scene.low[list(axes)]))
         for fluid in named:
-            own = ACCELERATIONS[fluid.section.acceleration]
+            own = accelerations.compiled(fluid.section.acceleration)
             self.evolution.driven.append(driven_kernel(own, axes, fluid.first, fluid.first + fluid.n))
 
     def step(self) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hpcpic.core.case.accelerations import ACCELERATIONS
+from hpcpic.core.case import accelerations
 from hpcpic.core.comm.world import World
 from hpcpic.core.files.arrays import Column, Counts, FieldArray, ParticleArray, Rows, Shard
 from hpcpic.core.files.sealed import Reader
@@ -71,7 +71,7 @@ class Plasma:
         scene = self.scene
         named = [(k, species.section.acceleration) for k, species in enumerate(scene.species)]
         sides = tuple(float(side) for side in scene.velocity_spacing)
-        return [driven_kernel(ACCELERATIONS[name], k, scene.dimensions, sides) for k, name in named if name]
+        return [driven_kernel(accelerations.compiled(name), k, scene.dimensions, sides) for k, name in named if name]
 
     def lay_out(self, cuts: Sequence[int]) -> None:
         """Make what holds particles and fields, and what looks at them, for slabs with these cuts. Collective."""

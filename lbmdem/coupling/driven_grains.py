@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from hpcpic.core.case.accelerations import ACCELERATIONS
+from hpcpic.core.case import accelerations
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks.graph import Pool
@@ -82,7 +82,7 @@ class DrivenGrains:
         for k, grains_set in enumerate(self._scene.config.grains):
             if grains_set.acceleration:
                 rows = np.flatnonzero(self._table.set[own] == k)
-                a = driven(ACCELERATIONS[grains_set.acceleration], grains.x[rows], grains.v[rows], time)
+                a = driven(accelerations.compiled(grains_set.acceleration), grains.x[rows], grains.v[rows], time)
                 force[rows] += self._table.mass[own[rows], None] * a
         if self._immersed:
             fluid_force, fluid_torque = self._immersed.forces(own)

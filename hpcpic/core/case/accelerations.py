@@ -1,5 +1,5 @@
 """Accelerations of the user's own, which cases name: functions of place x and velocity v, of three components each, and
-of the time t, in SI units, that numba compiles.
+of the time t, in SI units, that numba compiles. They return three numbers.
 
     from hpcpic.core.case.accelerations import register
 
@@ -11,9 +11,12 @@ of the time t, in SI units, that numba compiles.
 in a file that `--use` names, or in a script. Components that a scene does not have are 0, and not read.
 """
 
+import functools
 from collections.abc import Callable, Iterator
+from typing import Any
 
 from hpcpic.core.case.config import Path
+from hpcpic.core.case.own_functions import fault, plain
 from hpcpic.core.simd.own import note, same
 
 Components = tuple[float, float, float]
@@ -27,14 +30,53 @@ def register(name: str, acceleration: Acceleration) -> None:
     """Make an acceleration known by its name. ValueError where one of another name in its module has it: the same
     function may be defined again, as in a notebook.
     """
+    acceleration = plain(acceleration)
     if not same(ACCELERATIONS.get(name, acceleration), acceleration):
         raise ValueError(f"there is another acceleration {name!r}")
     note(acceleration)
     ACCELERATIONS[name] = acceleration
 
 
+def compiled(name: str) -> Acceleration:
+    """An acceleration as kernels call it: of numbers of any precision, for three of float64."""
+    return _compiled(ACCELERATIONS[name])
+
+
+@functools.cache
+def _compiled(acceleration: Acceleration) -> Acceleration:
+    import numpy as np
+
+    from hpcpic.core.simd import compile
+
+    of, real = compile.njit(cache=False)(acceleration), np.float64
+
+    def components(x: Components, v: Components, t: float) -> Components:
+        place, velocity = (real(x[0]), real(x[1]), real(x[2])), (real(v[0]), real(v[1]), real(v[2]))
+        a, b, c = of(place, velocity, t)
+        return real(a), real(b), real(c)
+
+    return components
+
+
+@functools.cache
+def _fault(acceleration: Acceleration) -> str:
+    from numba import types
+
+    def three_numbers(result: Any) -> bool:
+        real = (types.Integer, types.Float)
+        return isinstance(result, types.BaseTuple) and result.count == 3 and all(
+            isinstance(types.unliteral(one), real) for one in result
+        )
+
+    three = types.UniTuple(types.float64, 3)
+    arguments = {"x": three, "v": three, "t": types.float64}
+    return fault(acceleration, arguments, three_numbers, "three numbers, a_x, a_y, a_z")
+
+
 def faults(name: str) -> Iterator[tuple[Path, str]]:
-    """An acceleration that nobody has registered."""
+    """An acceleration that nobody has registered, or that cannot be compiled."""
     if name and name not in ACCELERATIONS:
         known = f"; there are {', '.join(ACCELERATIONS)}" if ACCELERATIONS else ": --use FILE.py registers one"
         yield ("acceleration",), f"nobody has registered {name!r}{known}"
+    elif name and (said := _fault(ACCELERATIONS[name])):
+        yield ("acceleration",), said

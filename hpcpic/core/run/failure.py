@@ -5,7 +5,8 @@ Three kinds of failure:
 * an error on one rank, or on several before they can talk: the first to take a token file tells it, in one
   write, and ends the others through MPI;
 * an exception in a worker thread: as the second kind.
-Errors of `hpcpic.core.errors` are one message, anything else is a bug and shows its traceback.
+Errors of `hpcpic.core.errors`, and those in a function of the user's own, are one message; anything else is a bug and
+shows its traceback.
 """
 
 from __future__ import annotations
@@ -22,10 +23,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from hpcpic.core.case.own_functions import failed_at
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import CheckFailed, ConfigError, Diverged, FileError, HpcpicError
 from hpcpic.core.files.together import explain
 from hpcpic.core.run.log import write_error
+from hpcpic.core.simd import own
 
 NOWHERE = os.devnull  # a folder in which no file can be
 PATIENCE_SECONDS = 600.0  # with a step that does not end; file systems that are shared stand still for minutes
@@ -110,6 +113,8 @@ class Failure:
             text = f"{who}: no memory: {error or 'the system gives no more'}; `estimate` tells what a run takes\n"
         elif isinstance(error, SystemExit):
             text, code = f"{who} left by sys.exit({error.code!r})\n", _exit_code(error)
+        elif place := failed_at(error, own.files):
+            text, code = f"{who}: {place}: {type(error).__name__}: {error}\n", ConfigError.exit_code
         else:
             text = f"{who} failed:\n" + "".join(traceback.format_exception(error))
         self.end(text, code)

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from hpcpic.core.case.own_functions import arithmetic_fault
 from hpcpic.core.simd.own import note
 from hpcpic.plasma.physics.moments import SPEED_SQUARED, VELOCITY, Moment
 
@@ -81,7 +82,10 @@ SCALARS: dict[str, Scalar] = {}  # by name, in the order of the columns
 
 
 def register(scalar: Scalar) -> None:
-    """Make a scalar a column of every series from now on."""
+    """Make a scalar a column of every series from now on. ValueError of an integrand that kernels cannot take over."""
+    for moment in scalar.moments:
+        if said := arithmetic_fault(moment.integrand):
+            raise ValueError(f"scalar {scalar.name!r}: {said}")
     note(scalar.value)
     SCALARS[scalar.name] = scalar
 

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.case.schema import Fault, abridged
+from hpcpic.core.errors import ConfigError
 from hpcpic.core.files.start import arrays, start_faults
 from hpcpic.core.simd.own import note
 from hpcpic.core.space.domain import wrap
@@ -283,13 +284,27 @@ EVEN = (Loader.positions, Quiet.positions, Strata.positions)  # as many particle
 
 
 def register(loader: Loader) -> None:
-    """Make a loader known under its name."""
+    """Make a loader known under its name. TypeError of a class, or of something else."""
+    if not isinstance(loader, Loader):
+        raise TypeError(f"register takes an object of a class of loaders, as register(Ring()) (got {loader!r})")
     note(loader)
     LOADERS[loader.name] = loader
 
 
 for kind in (Loader, Quiet, Strata, OppositeBeams, UniformVelocities, PositionDelta, Arrays, HarmonicTwoElectrons):
     register(kind())
+
+
+def require_rows(loader: Loader, method: str, values: NDArray, batch: Batch, columns: int) -> NDArray[np.float64]:
+    """What a method of a loader has returned. Raises ConfigError unless it is finite numbers, a row per particle."""
+    wanted = (len(batch.ids), columns)
+    plain = isinstance(values, np.ndarray) and values.dtype.kind in "fiu"
+    if not plain or values.shape != wanted or not np.all(np.isfinite(values)):
+        got = f"{values.dtype} {list(values.shape)}" if isinstance(values, np.ndarray) else type(values).__name__
+        got = "some that are not finite" if plain and values.shape == wanted else got
+        asked = f"finite numbers [n, {columns}] for n = {len(batch.ids)} particles"
+        raise ConfigError(f"init_method {loader.name!r}: {method} must return {asked} (got {got})")
+    return values
 
 
 def present_word(word: str, thermal_velocity: float) -> str:

@@ -141,7 +141,8 @@ class SceneSpecies:
         """Velocities[n, v] in m/s at t = 0."""
         ids, thermal = np.asarray(ids), self.section.thermal_velocity
         batch = self.batch(ids)
-        velocity = self.loader.mean_velocities(batch) + (thermal * self.loader.deviates(batch) if thermal else 0.0)
+        velocity = self._loaded("mean_velocities", batch)
+        velocity = velocity + (thermal * self._loaded("deviates", batch) if thermal else 0.0)
         perturbation = self.section.perturbation
         if perturbation and perturbation.velocity_amplitude:
             k, sine = self.wave(self.unperturbed(ids))
@@ -150,7 +151,12 @@ class SceneSpecies:
 
     def unperturbed(self, ids: NDArray) -> NDArray[np.float64]:
         """Positions[n, d] in m before the perturbation."""
-        return self.loader.positions(self.batch(ids))
+        return self._loaded("positions", self.batch(ids))
+
+    def _loaded(self, method: str, batch: loaders.Batch) -> NDArray[np.float64]:
+        """What a method of the loader gives. Raises ConfigError of what is no such thing."""
+        columns = len(batch.lengths) if method == "positions" else batch.components
+        return loaders.require_rows(self.loader, method, getattr(self.loader, method)(batch), batch, columns)
 
     @property
     def loader(self) -> loaders.Loader:

@@ -71,6 +71,45 @@ def test_a_file_that_cannot_be_imported_is_told_with_its_line(folder, text, line
     assert done.returncode == 2 and done.stderr.startswith(f"own.py:{line}: {told}"), done.stderr
 
 
+POSITIONS = "return np.full((len(batch.ids), len(batch.lengths)), 0.5) * batch.lengths"
+SCALAR = """
+from hpcpic.plasma.diagnostics import scalars
+from hpcpic.plasma.physics.moments import Moment
+
+FACTOR = 2.0
+
+
+def scaled(vx, vy, vz, square):
+    return FACTOR * square
+
+
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (LOADER.replace(POSITIONS, "return nothing"), "own.py:11: positions: NameError: name 'nothing' is not defined"),
+        (LOADER.replace(POSITIONS, "pass"), "'middle': positions must return finite numbers [n, 1] for n = "),
+        (LOADER.replace("), len(batch.lengths)), 0.5)", "),), 0.5)"), "finite numbers [n, 1]"),
+        (LOADER.replace("0.5", "np.nan"), "(got some that are not finite)"),
+        (LOADER.replace("Middle())", "Middle)"), "own.py:14: TypeError: register takes an object"),
+        (
+            LOADER + SCALAR + 'scalars.register(scalars.Scalar("mine", "J", lambda sample: sample.nothing))',
+            "own.py:26: <lambda>: AttributeError: 'Sample' object has no attribute 'nothing'",
+        ),
+        (
+            LOADER + SCALAR + 'scalars.register(scalars.Scalar("mine", "J", float, (Moment(scaled, 2),)))',
+            "own.py:26: ValueError: scalar 'mine': own.py:22: scaled: is to be arithmetic of its arguments alone",
+        ),
+    ],
+)
+def test_a_mistake_in_a_class_or_function_of_the_user_is_told_without_a_traceback(folder, text, told):
+    (folder / "own.py").write_text(text)
+    done = hpcpic(folder, "run", "own.conf", "-o", "a", "--use", "own.py", "--threads", "1", "--quiet")
+    assert done.returncode == 2 and told in done.stderr and "Traceback" not in done.stderr, done.stderr
+
+
 def test_a_file_that_is_not_there_is_told(folder):
     done = hpcpic(folder, "estimate", "own.conf", "--use", "other.py")
     assert done.returncode == 2 and done.stderr == "--use other.py: cannot read: No such file or directory\n"

@@ -1,0 +1,130 @@
+"""Mistakes in a function of the user's own are told in one line with file, line, name and what would be right."""
+
+import math
+
+import numba
+import numpy as np
+import pytest
+
+from hpcpic.core.case import accelerations
+
+STIFFNESS = {"along x": 4.0}
+
+
+def bare(q):
+    return 2.0 * q
+
+
+@numba.njit
+def helper(q):
+    return 2.0 * q
+
+
+def two(x, v, t):
+    return -x[0], 0.0
+
+
+def one(x, v, t):
+    return -x[0]
+
+
+def array(x, v, t):
+    return np.array([-x[0], 0.0, 0.0])
+
+
+def listed(x, v, t):
+    return [-x[0], 0.0, 0.0]
+
+
+def forgotten(x, v, t):
+    -x[0], 0.0, 0.0
+
+
+def texts(x, v, t):
+    return "0", 0.0, 0.0
+
+
+def complexes(x, v, t):
+    return 1j * x[0], 0.0, 0.0
+
+
+def too_few(x, v):
+    return 0.0, 0.0, 0.0
+
+
+def undefined(x, v, t):
+    return -stiffness * x[0], 0.0, 0.0  # noqa: F821
+
+
+def no_vector(x, v, t):
+    return -2.0 * x
+
+
+def of_a_dict(x, v, t):
+    return -STIFFNESS["along x"] * x[0], 0.0, 0.0
+
+
+def no_such_function(x, v, t):
+    return np.sine(t), 0.0, 0.0
+
+
+def calls(x, v, t):
+    return bare(x[0]), 0.0, 0.0
+
+
+def beyond(x, v, t):
+    return x[3], 0.0, 0.0
+
+
+def branches(x, v, t):
+    if t > 1.0:
+        return 0.0, 0.0, 0.0
+    return 0.0
+
+
+@pytest.mark.parametrize(
+    ("function", "line", "told"),
+    [
+        (two, 0, "must return three numbers"),
+        (one, 0, "must return three numbers, a_x, a_y, a_z (it returns float64)"),
+        (array, 0, "must return three numbers"),
+        (listed, 0, "must return three numbers"),
+        (forgotten, 0, "it returns nothing"),
+        (texts, 0, "must return three numbers"),
+        (complexes, 0, "must return three numbers"),
+        (too_few, 0, "is called with (x, v, t), but takes (x, v)"),
+        (undefined, 1, "'stiffness' is not defined"),
+        (no_vector, 1, "no such operation: mul(float64, UniTuple(float64 x 3))"),
+        (of_a_dict, 1, "'STIFFNESS' is of the type dict"),
+        (no_such_function, 0, "module 'numpy' has no attribute 'sine'"),
+        (calls, 1, "write @numba.njit above that one"),
+        (beyond, 1, "tuple index out of range"),
+        (branches, 2, "Can't unify return type"),
+    ],
+)
+def test_a_mistake_in_an_acceleration_is_one_line_with_its_place(monkeypatch, function, line, told):
+    monkeypatch.setitem(accelerations.ACCELERATIONS, "mine", function)
+    ((path, text),) = accelerations.faults("mine")
+    place = f"{__file__}:{function.__code__.co_firstlineno + line}: {function.__name__}: "
+    assert path == ("acceleration",) and text.startswith(place) and told in text and "\n" not in text
+
+
+def test_what_is_no_function_is_told(monkeypatch):
+    monkeypatch.setitem(accelerations.ACCELERATIONS, "mine", 3.0)
+    assert next(accelerations.faults("mine"))[1] == "a function is wanted (got 3.0)"
+
+
+def whole_numbers(x, v, t):
+    return -1, 0, helper(t)
+
+
+@pytest.mark.parametrize("function", [whole_numbers, numba.njit(whole_numbers)], ids=["plain", "compiled already"])
+@pytest.mark.parametrize("real", [np.float32, np.float64])
+def test_kernels_get_three_reals_whatever_they_give(monkeypatch, function, real):
+    """Also where positions are in single precision, and the function names whole numbers or is compiled already."""
+    monkeypatch.delitem(accelerations.ACCELERATIONS, "mine", raising=False)
+    accelerations.register("mine", function)
+    assert not list(accelerations.faults("mine"))
+    a = numba.njit(accelerations.compiled("mine"))((real(0), real(0), 0.0), (real(0), real(0), 0.0), math.pi)
+    assert a == (-1.0, 0.0, 2 * math.pi) and all(isinstance(each, float) for each in a)
+    del accelerations.ACCELERATIONS["mine"]
