@@ -28,18 +28,25 @@ def free() -> float:
 
 def _free_of_groups() -> Iterator[float]:
     """Free bytes of every control group around this process that has a limit."""
-    for line in _text(PROC / "self/cgroup").splitlines():
-        _, controller, path = line.split(":", 2)
+    for controller, folder in groups():
         if controller not in LIMITS:
             continue
+        limit, used = (read_text(folder / name).strip() for name in LIMITS[controller])
+        if limit not in ("", "max"):
+            stat = _numbers(folder / "memory.stat")
+            cached = sum(stat.get(f"total_{name}", stat.get(name, 0)) for name in CACHED)
+            yield max(0.0, float(limit) - float(used) + cached)
+
+
+def groups() -> Iterator[tuple[str, Path]]:
+    """(controller, folder) of every control group around this process, inner ones first; "" is that of version 2."""
+    for line in read_text(PROC / "self/cgroup").splitlines():
+        _, controller, path = line.split(":", 2)
         root = CGROUPS / controller
         own = root / path.lstrip("/")
         for folder in (own, *own.parents):  # in a container those of the host are not there
-            limit, used = (_text(folder / name).strip() for name in LIMITS[controller])
-            if limit not in ("", "max") and folder.is_relative_to(root):
-                stat = _numbers(folder / "memory.stat")
-                cached = sum(stat.get(f"total_{name}", stat.get(name, 0)) for name in CACHED)
-                yield max(0.0, float(limit) - float(used) + cached)
+            if folder.is_relative_to(root):
+                yield controller, folder
 
 
 def held() -> float:
@@ -62,16 +69,16 @@ def require_room(needed: Callable[[], float]) -> None:
 
 def _pages() -> list[float]:
     """Bytes of address space, and of memory, of this process."""
-    words = _text(PROC / "self/statm").split() or ["0", "0"]
+    words = read_text(PROC / "self/statm").split() or ["0", "0"]
     return [float(word) * resource.getpagesize() for word in words[:2]]
 
 
 def _numbers(path: Path) -> dict[str, float]:
     """The lines "name number ..." of a file."""
-    return {words[0]: float(words[1]) for words in map(str.split, _text(path).splitlines())}
+    return {words[0]: float(words[1]) for words in map(str.split, read_text(path).splitlines())}
 
 
-def _text(path: Path) -> str:
+def read_text(path: Path) -> str:
     """The text of a file; empty where there is none."""
     try:
         return path.read_text()

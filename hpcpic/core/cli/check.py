@@ -14,6 +14,7 @@ from hpcpic.core.app.text import shown, table
 from hpcpic.core.app.use import use_option
 from hpcpic.core.case.derived import Derived
 from hpcpic.core.cli.cures import cures
+from hpcpic.core.cores import allotted, crowded
 from hpcpic.core.errors import CheckFailed
 
 DAY = 86400.0  # s
@@ -85,6 +86,8 @@ def make_check_command(app_loader: AppLoader) -> click.Command:
             print_kernel(app, read.config, kernel)
             return
         numbers = print_check(app, read, ranks)
+        if crowd := crowded(ranks, threads, allotted()):
+            click.echo(f"cores: {crowd}")
         if plan and app.plan:
             click.echo()
             for line in app.plan(read.config, ranks, threads):

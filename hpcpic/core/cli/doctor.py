@@ -99,13 +99,11 @@ def _try_launcher(mpirun: str) -> Finding:
 def _cores(world: Any, threads: int | None) -> Iterator[Finding]:
     """Collective."""
     chosen = threads or world.default_threads()
-    total = os.cpu_count() or 1
-    allowed = len(os.sched_getaffinity(0))
+    total, allowed, there = os.cpu_count() or 1, len(os.sched_getaffinity(0)), world.cores()
     yield Finding("cores", f"{total}, of which {allowed} for this rank")
-    wanted = world.node_size * chosen
-    shape = f"{several(world.node_size, 'rank')} x {several(chosen, 'thread')} on {total} cores of this node"
-    many = wanted > total
-    yield Finding("load", shape, "fail" if many else "ok", f"at most {total} ranks x threads" if many else "")
+    shape = f"{several(world.node_size, 'rank')} x {several(chosen, 'thread')} on {several(there, 'core')} of this node"
+    many = world.node_size * chosen > there
+    yield Finding("load", shape, "fail" if many else "ok", f"at most {there} ranks x threads" if many else "")
 
 
 def _libraries() -> Iterator[Finding]:

@@ -12,6 +12,7 @@ from hpcpic.core.app.rates import MEASURED, rates_file, read_rates
 from hpcpic.core.app.read import read_case, set_option, shape_options
 from hpcpic.core.app.text import amount, duration, shown, table
 from hpcpic.core.app.use import use_option
+from hpcpic.core.cores import allotted, crowded
 from hpcpic.core.run.summary import several
 
 MIB = 2.0**20
@@ -55,6 +56,8 @@ def print_estimate(app: App, config: Any, ranks: int, threads: int) -> None:
         if MEASURED.format(app.name) in rates
         else f"rates       of the machine of the authors; `{app.name} bench --quick` measures this one"
     )
+    if crowd := crowded(ranks, threads, allotted()):
+        click.echo(f"cores       {crowd}")
 
 
 def print_phases(estimate: Estimate) -> None:

@@ -24,6 +24,7 @@ from hpcpic.core.app.text import amount
 from hpcpic.core.case.config import Tree, leaves, loads
 from hpcpic.core.case.schema import value_text
 from hpcpic.core.comm.world import World
+from hpcpic.core.cores import crowded
 from hpcpic.core.errors import ConfigError, FileError, HpcpicError
 from hpcpic.core.files.rundir import RunDir, write_atomic
 from hpcpic.core.run import checkpoint, log, summary
@@ -152,6 +153,9 @@ class _Job:
         settings = fixed_settings(self.app, tree)
         config = self.app.configure(tree)
         threads, timers = self.flags.threads or self.world.default_threads(), Timers()
+        crowd = crowded(self.world.node_size, threads, self.world.cores())
+        if crowd and self.world.rank == 0:
+            log.ROOT.warning(crowd)
         with everywhere():
             reader = checkpoint.newest(self.rundir, self.world) if plan.restart else None
             if reader:

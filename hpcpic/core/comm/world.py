@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.core.cores import allotted
 from hpcpic.core.errors import HpcpicError
 
 if TYPE_CHECKING:
@@ -88,6 +89,10 @@ class World:
             return list(self._cores) if workers < there else []
         first = self.node_rank * threads
         return [self._cores[(first + worker) % len(self._cores)] for worker in range(threads)]
+
+    def cores(self) -> int:
+        """Cores of this node that its ranks may use; collective."""
+        return allotted(int(np.count_nonzero(self._ranks_on_core())))
 
     def default_threads(self) -> int:
         """Threads per rank that fill the node; collective."""
