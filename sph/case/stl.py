@@ -5,7 +5,6 @@ import io
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.files.given import content_of
@@ -18,7 +17,6 @@ if TYPE_CHECKING:
 def mesh(stl: "Stl") -> Any:
     """The trimesh of a closed surface, scaled and moved. Raises ConfigError when it cannot be one."""
     try:
-        import rtree  # noqa: F401  (trimesh needs it for distances)
         import trimesh
     except ImportError as error:
         raise ConfigError(f"{stl.file}: STL files need more packages: pip install 'hpcpic[stl]'") from error
@@ -34,25 +32,11 @@ def mesh(stl: "Stl") -> Any:
         raise ConfigError(f"{stl.file}: has corners that are not finite")
     if not found.is_watertight:
         raise ConfigError(f"{stl.file}: the surface is not closed, so it has no inside")
+    if not found.is_winding_consistent:
+        raise ConfigError(f"{stl.file}: triangles look different ways: turn the normals of all of them outward")
     found.apply_scale(stl.scale)
     if stl.shift:
         found.apply_translation(stl.shift)
     if found.volume < 0:
         found.invert()
     return found
-
-
-def signed_distance(stl: "Stl", x: NDArray) -> NDArray[np.float64]:
-    """Distance of points x[n, 3] from the surface, negative inside."""
-    from trimesh.proximity import signed_distance as inside_positive
-
-    return -inside_positive(mesh(stl), x) if len(x) else np.zeros(0)
-
-
-def normals(stl: "Stl", x: NDArray) -> NDArray[np.float64]:
-    """Outward normals[n, 3] of the triangles nearest to x[n, 3]."""
-    if not len(x):
-        return np.zeros((0, 3))
-    from trimesh.proximity import closest_point
-
-    return np.asarray(mesh(stl).face_normals[closest_point(mesh(stl), x)[2]])

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hpcpic.core.app.forecast import FILES, Estimate, gain, writing_seconds
-from sph.case.config import SphConfig
+from sph.case.config import SphConfig, shapes_of
 from sph.forecast.plan import MIB, arrays, counts, images
 from sph.physics import stability
 from sph.physics.fluxes import FLUXES
@@ -22,6 +22,7 @@ from sph.physics.wall_rules import rule_of
 DELTA = {2: 1.0, 3: 1.4}  # more for renormalised gradients, by dimension; measured
 SERIES_BYTES = 24 * 8 * 2
 START = 1.4  # s: interpreter, libraries, kernels from the cache
+TRIMESH_MIB, TRIANGLE_BYTES = 52.0, 1370  # of what reads STL files, and of each triangle in them; measured
 LEVELS = 8  # looked at by a gauge of elevation in each spacing of a particle's support (sph.diagnostics.gauges)
 
 # Measured on the authors' machine, one core of a 2-core AMD Zen 5 at 4.1 GHz.
@@ -71,10 +72,19 @@ def estimate(config: SphConfig, ranks: int, threads: int, measured: Mapping[str,
     step = one - first if samples > 0.5 * steps else one  # the median one, as runs tell it
     sampling = samples * sample_seconds(config, rates)
     memory = {"Python and libraries": rates["rank_mib"] * MIB}
+    memory |= {"surfaces of triangles": surface_bytes(config)} if any(shape.stl for shape in shapes_of(config)) else {}
     memory |= {array.name: float(array.bytes) for array in arrays(config, ranks)}
     disk = disk_items(config)
     writing = writing_seconds(disk, round(times(config, "particles")), rates)
     return Estimate(memory, disk, step, START + steps * one + sampling + writing, whole, sampling, START)
+
+
+def surface_bytes(config: SphConfig) -> float:
+    """Bytes of the surfaces that are read from STL files."""
+    from sph.case.stl import mesh
+
+    files = {shape.stl for shape in shapes_of(config) if shape.stl}
+    return TRIMESH_MIB * MIB + TRIANGLE_BYTES * sum(len(mesh(stl).faces) for stl in files)
 
 
 def phases(config: SphConfig, ranks: int, threads: int, rates: Mapping[str, float]) -> dict[str, float]:

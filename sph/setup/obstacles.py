@@ -55,7 +55,7 @@ def cuts(wall: Any, ends: NDArray) -> bool:
 def too_near(wall: Any, ends: NDArray, margin: float, x: NDArray) -> NDArray[np.bool_]:
     """Which points x[n, d] of a fluid between ends[d, 2] are in a wall, or nearer to it than a margin, m."""
     if wall.section.solid or wall.shape.plane:
-        return signed_distance(wall.shape, x) < margin
+        return signed_distance(wall.shape, x, margin) < margin
     low, high = map(np.array, geometry.bounds(wall.shape))
     apart = wall.shape.box and (np.any(ends[:, 1] < low) or np.any(ends[:, 0] > high))
     depth = depth_in if apart else behind  # what lies beside a tank is not its own
@@ -64,9 +64,10 @@ def too_near(wall: Any, ends: NDArray, margin: float, x: NDArray) -> NDArray[np.
 
 def squeezed(one: Any, ends: NDArray, step: float, x: NDArray) -> NDArray[np.bool_]:
     """Which points x[n, d] that a wall moves come out of the domain or to another solid, when all have moved them."""
-    scene = one.scene
-    moved = fit.beside(scene.walls, x, step)
-    found = np.any((moved < scene.low) | (moved > scene.high), axis=1)
+    scene, found = one.scene, np.zeros(len(x), bool)
+    moved = np.flatnonzero(np.any(fit.beside([one], x, step) != x, axis=1))
+    places = fit.beside(scene.walls, x[moved], step)
+    found[moved] = np.any((places < scene.low) | (places > scene.high), axis=1)
     for wall in scene.walls:
-        found |= too_near(wall, ends, HELD * scene.spacing, moved)
-    return found & np.any(fit.beside([one], x, step) != x, axis=1)
+        found[moved] |= too_near(wall, ends, HELD * scene.spacing, places)
+    return found

@@ -15,6 +15,7 @@ from sph.case.config import AXES
 from sph.setup import signed_distance
 
 LEAST_ALONG = 0.1  # cosine between the axis of an area and the normal of its wall
+REACH = 2.0  # spacings: nobody asks more of depths than whether they are beyond one, or which of two is nearer
 HALVINGS = 50  # of an eighth of a spacing: to rounding
 
 
@@ -36,10 +37,12 @@ def rims(wall: Tank) -> set[str]:
 
 
 def behind(wall: Tank, x: NDArray) -> NDArray[np.float64]:
-    """How far points lie behind the closed faces of a tank and what goes on in their planes, m; negative before all."""
+    """How far points lie behind the closed faces of a tank and what goes on in their planes, m; negative before all.
+    Beyond two spacings it is told of STL surfaces only that it is more.
+    """
     shape = wall.shape
     if not shape.box:
-        return signed_distance.signed_distance(shape, x)
+        return signed_distance.signed_distance(shape, x, REACH * wall.scene.spacing)
     faces = beyond(wall, x, wall.closed)
     return np.max(faces, axis=1, initial=-np.inf)
 
@@ -57,10 +60,10 @@ def depth_in(wall: Tank, x: NDArray) -> NDArray[np.float64]:
 
 
 def depth_in_solid(wall: Tank, x: NDArray) -> NDArray[np.float64]:
-    """How deep points lie in a solid, m; negative outside. A box of which faces are left out is as thick as its
-    particles: fluid can come into its hollow over the edges.
+    """How deep points lie in a solid, m, as in `behind`; negative outside. A box of which faces are left out is as
+    thick as its particles: fluid can come into its hollow over the edges.
     """
-    depth, box = -signed_distance.signed_distance(wall.shape, x), wall.shape.box
+    depth, box = -signed_distance.signed_distance(wall.shape, x, REACH * wall.scene.spacing), wall.shape.box
     if not box or not box.open:
         return depth
     thick = wall.layers * wall.scene.spacing

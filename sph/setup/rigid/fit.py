@@ -18,16 +18,16 @@ Reals = NDArray[np.float64]
 UNIT = 1 << 20  # parts of a cell, so that their sum has no order
 GOLDEN = 0.6180339887498949  # multiples of it, less their whole parts, fill [0, 1) evenly
 NEAREST = 0.499  # spacings off the surface; of lattices along a box the nearest points lie at 0.5, but for rounding
+DEEP = 2.0  # spacings: more than anything moves a particle that is kept
 STEP = 1e-3  # of a spacing: over which normals are differences
 
 
 def fits(wall: Any) -> bool:
-    """Whether fluid is fitted to a wall: a body, or what has layers of particles and is a plane, round, or a full box.
-    Tanks and hollows that are boxes have lattices that start from their faces; STL surfaces are not looked at whole.
+    """Whether fluid is fitted to a wall: a body, or what has layers of particles, but for tanks and hollows that are
+    boxes: these have lattices that start from their faces.
     """
-    shape, solid = wall.shape, wall.section.solid
-    flat_or_round = bool(shape.plane or shape.sphere or shape.cylinder or (shape.box and solid and not shape.box.open))
-    return bool(wall.rigid) or (wall.rule.layered and flat_or_round)
+    box = wall.shape.box
+    return bool(wall.rigid) or (wall.rule.layered and not (box and (box.open or not wall.section.solid)))
 
 
 def around(wall: Any) -> tuple[Reals, Reals] | None:
@@ -58,18 +58,21 @@ def taken(off: Reals) -> NDArray[np.bool_]:
 
 def taken_by(wall: Any, step: float, x: Reals) -> NDArray[np.bool_]:
     """Which points x[n, d] of a lattice a wall takes, `step` m from each other where they are nearest."""
-    return taken(outward(wall) * signed_distance(wall.shape, x) / step)
+    return taken(outward(wall) * signed_distance(wall.shape, x, step) / step)
 
 
 def cleared(shape: Shape, x: Reals, spacing: float, side: float) -> Reals:
-    """x[n, d] outside of a surface (side = 1) or in it (-1); what was nearer than half a spacing to it has moved."""
+    """x[n, d] outside of a surface (side = 1) or in it (-1); what was nearer than half a spacing to it has moved. What
+    lies deep on its other side stays: it is taken away.
+    """
+    moved, x = np.arange(len(x)), x.copy()
     for _ in range(x.shape[1]):  # inside an edge from one face after the other
-        apart = side * signed_distance(shape, x)
-        near = apart < NEAREST * spacing
-        if not near.any():
+        apart = side * signed_distance(shape, x[moved], DEEP * spacing)
+        near = (apart < NEAREST * spacing) & (apart > -DEEP * spacing)
+        moved, apart = moved[near], apart[near]
+        if not len(moved):
             break
-        x = x.copy()
-        x[near] += (side * (0.5 * spacing - apart[near]))[:, None] * normals(shape, x[near], STEP * spacing)
+        x[moved] += (side * (0.5 * spacing - apart))[:, None] * normals(shape, x[moved], STEP * spacing)
     return x
 
 
@@ -95,7 +98,7 @@ class Fitted(Filled):
         self.kept = flagged(grid, None, self._own)
 
     def _own(self, x: Reals) -> NDArray[np.bool_]:
-        off = self.side * signed_distance(self.shape, x)
+        off = self.side * signed_distance(self.shape, x, self.depth + self.spacing)
         return taken(off / self.spacing) & (off > -self.depth)
 
     def near(self, low: NDArray, high: NDArray) -> Found:

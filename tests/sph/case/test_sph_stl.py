@@ -12,11 +12,12 @@ from hpcpic.core.files.rundir import RunDir
 from sph.case import geometry
 from sph.configure import configure
 from sph.forecast.derived import derived
+from sph.forecast.estimate import TRIMESH_MIB, estimate
+from sph.forecast.plan import MIB
 from sph.setup.rigid.mass import rigid_of
 from sph.setup.scene import Scene
 
 trimesh = pytest.importorskip("trimesh")
-pytest.importorskip("rtree")
 
 CASE = """
 simulation = { dimensions = 3; end_time = 1.0; };
@@ -137,3 +138,21 @@ def test_an_open_surface_is_refused(case):
     surface.export(case.folder / "ball.stl")
     with pytest.raises(ConfigError, match="not closed"):
         case()
+
+
+def test_a_surface_whose_triangles_look_both_ways_is_refused(case):
+    surface = trimesh.load(case.folder / "ball.stl")
+    surface.faces[:100] = surface.faces[:100, ::-1]
+    surface.export(case.folder / "ball.stl")
+    with pytest.raises(ConfigError, match="look different ways"):
+        case()
+
+
+def test_memory_grows_with_the_triangles(case):
+    """Also where two files hold the same."""
+    ball, post = (len(trimesh.load(case.folder / name).faces) for name in ("ball.stl", "post.stl"))
+    few = estimate(case(), 1, 1, {}).memory["surfaces of triangles"]
+    (case.folder / "post.stl").write_bytes((case.folder / "ball.stl").read_bytes())
+    many = estimate(case(), 1, 1, {}).memory["surfaces of triangles"]
+    of_each = (few - TRIMESH_MIB * MIB) / (ball + post)
+    assert of_each > 1000 and many - few == pytest.approx(of_each * (ball - post))
