@@ -19,7 +19,7 @@ from sph.setup.rigid.mass import share
 from sph.setup.rigid.surfaces import gap
 from sph.setup.scene import Scene, Wall
 from sph.setup.signed_distance import signed_distance
-from sph.setup.speeds import fastest, motion_speed, speed_scale
+from sph.setup.speeds import fastest, motion_speed, speed_jump, speed_scale
 from sph.setup.tanks import depth_in, depth_in_wall, open_sides
 
 DENSE, DENSER = 0.02, 0.1  # rho / rho0 - 1 at rest, which are noticed and refused
@@ -34,6 +34,7 @@ SMOOTH = 2.0  # h/dp, below which particles that find an order take less room, a
 LEAST_PRESSURE = 2.0  # rho v^2 of an outlet behind a solid: of 0 and 1 a stream around a square fell apart
 RAYS, LONGEST_RAY = 9, 1e6  # particles of a fluid under which a wall is looked for, so many half spacings deep
 LONGEST_SWING = 0.5  # w L / c0 of walls that swing, where no surface gives way
+LARGEST_JUMP = 0.5  # rho v^2: pressure of sound by a jump of the speed of a wall; that of the water where v^2 = 2 g H
 LONGEST_WAY = 1.0  # spacings of a wall in a step, beyond which it jumps over fluid
 
 
@@ -42,7 +43,7 @@ def sensible(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     yield from dissipation(config)
     yield from steps(config)
     yield from directions(config)
-    yield from jumps(config)
+    yield from jumps(config, scene)
     yield from depths(config, scene)
     yield from gases(config, scene)
     yield from bodies_outside(config)
@@ -93,8 +94,10 @@ def directions(config: SphConfig) -> Iterator[Derived]:
                           key, True)  # fmt: skip
 
 
-def jumps(config: SphConfig) -> Iterator[Derived]:
-    """Walls so fast that they are behind fluid before it has met them, or that swing as fast as sound crosses it."""
+def jumps(config: SphConfig, scene: Scene) -> Iterator[Derived]:
+    """Walls so fast that they are behind fluid before it has met them, that swing as fast as sound crosses it, or whose
+    path has corners.
+    """
     dt = stability.time_step(config)
     boxes = [geometry.bounds(fluid.shape) for fluid in config.fluid]
     extent = max((b - a for low, high in boxes for a, b in zip(low, high)), default=0.0)
@@ -112,6 +115,14 @@ def jumps(config: SphConfig) -> Iterator[Derived]:
             cure = "" if verdict == "ok" else f"{LONGEST_WAY * config.numerics.spacing / dt:.3g} m/s or less"
             yield Derived(f"way of {wall.name} in a step", "v dt/dp", way, "", f"<= {LONGEST_WAY:g}", verdict,
                           "it jumps over fluid", cure, ("wall", i, "motion"), True)  # fmt: skip
+        if wall.motion and wall.motion.path:
+            pressure = scene.rho0 * config.sound_speed * speed_jump(wall.motion, config.simulation.end_time)
+            most = LARGEST_JUMP * scene.rho0 * (config.eos.max_velocity or speed_scale(config)) ** 2
+            verdict = "ok" if pressure <= most else "warn"
+            cure = "" if verdict == "ok" else "a smooth path, with more points, also from and to rest"
+            yield Derived(f"impact by jumps of the speed of {wall.name}", "rho c0 dv", pressure, "Pa", f"<= {most:.3g}",
+                          verdict, "straight lines between points; none where it slides along fluid", cure,
+                          ("wall", i, "motion", "path"))  # fmt: skip
 
 
 def depths(config: SphConfig, scene: Scene) -> Iterator[Derived]:

@@ -58,3 +58,17 @@ def motion_speed(motion: Motion) -> float:
     ]
     swing = 2 * math.pi * geometry.length(motion.amplitude) / motion.period
     return max([geometry.length(motion.velocity), swing, *steps])
+
+
+def speed_jump(motion: Motion, end: float) -> float:
+    """Largest change of the velocity of a wall at a point of its path until a time in s, m/s. It rests before the first
+    point, which may be at t = 0, but for a way from where it is, and after the last one.
+    """
+    places = [(place.time, place.displacement) for place in motion.path]
+    still = (0.0,) * len(places[0][1])
+    if places[0][0] > 0.0:
+        places.insert(0, (0.0, still))
+    ways = [tuple((q - p) / (b - a) for p, q in zip(x, y)) for (a, x), (b, y) in itertools.pairwise(places)]
+    velocities = [still, *ways, still]
+    corners = zip(places, itertools.pairwise(velocities))
+    return max((math.dist(*meeting) for (t, _), meeting in corners if t <= end), default=0.0)

@@ -42,6 +42,12 @@ def sensor(place):
     return f'( {{ name = "sensor"; what = "wall-pressure"; axis = "x+"; {place} }} )'
 
 
+def swing(n):
+    """A path of n points from rest to rest: half a metre up and down in a second."""
+    places = [(k / n, 0.25 * (1 - math.cos(2 * math.pi * k / n))) for k in range(n + 1)]
+    return f"path = ( {', '.join(f'{{ time = {t}; displacement = [0.0, {y}]; }}' for t, y in places)} );"
+
+
 def surface(z):
     return PARTS["fluid"].replace("shape", f"surface = {z}; shape", 1)
 
@@ -68,6 +74,8 @@ def surface(z):
         ("way of gate in a step", "fail",
          {"wall": gate("path = ( { time = 0.5; displacement = [0.0, 0.0]; }, "
                        "{ time = 0.500001; displacement = [0.0, 0.6]; } );")}),
+        ("impact by jumps of the speed of gate", "ok", {"wall": gate(swing(400))}),
+        ("impact by jumps of the speed of gate", "warn", {"wall": gate(swing(8))}),
         ("particles across water along y", "ok", {}),
         ("particles across water along y", "warn", {"numerics": "{ spacing = 0.15; }"}),
         ("speed of gate", "ok", {"wall": gate("velocity = [0.0, 3.0];", "pressure-continuity")}),
@@ -300,3 +308,12 @@ def test_settings_that_are_told_to_cure_a_number_leave_no_other_one_beyond_its_l
         after = [derived(read_case(load_app(), str(case), (way,)).config) for way in (legal, good)]
         verdicts = [{number.verdict for number in numbers} for numbers in after]
         assert "fail" not in verdicts[0] and verdicts[1] == {"ok"}
+
+
+def test_the_impact_of_a_path_is_that_of_its_sharpest_corner_and_falls_with_its_points():
+    name = "impact by jumps of the speed of gate"
+    path = "path = ( { time = 0.4; displacement = [0.3, 0.4]; }, { time = 0.6; displacement = [0.3, 0.6]; } );"
+    number, c0 = told(wall=gate(path))[name], told()["sound speed"].value
+    assert number.value == pytest.approx(1000.0 * c0 * 0.5 / 0.4)  # from rest, along a slope: 1.25 m/s
+    coarse, fine = (told(wall=gate(swing(n)))[name].value for n in (50, 100))
+    assert coarse / fine == pytest.approx(2.0, rel=0.01)
