@@ -31,15 +31,14 @@ def particles(storage: Storage, sums: PairSums | None = None) -> dict[str, Parti
     for name, slots in chosen.items():
         own = particles_at(storage, slots)
         columns = {
-            "velocity": three(own["v"]).astype(np.float32),
-            "pressure": (scene.eos.pressure(own["drho"]) + scene.eos.background - scene.untold).astype(np.float32),
-            "density": (own["relative"] * own["dense"]).astype(np.float32),
-            "mass": own["m"].astype(np.float32),
+            "velocity": three(own["v"]),
+            "pressure": scene.eos.pressure(own["drho"]) + scene.eos.background - scene.untold,
+            "density": own["relative"] * own["dense"],
+            "mass": own["m"],
         }
         if sums:
-            of_kernel = moments(storage, sums, slots, is_fluid=name in names)
-            columns |= {key: values.astype(np.float32) for key, values in of_kernel.items()}
-        found[name] = ParticleArray(own["id"], three(own["x"]), columns, units)
+            columns |= moments(storage, sums, slots, is_fluid=name in names)
+        found[name] = ParticleArray(own["id"], three(own["x"]), columns, units, kept_single=True)
     return found
 
 

@@ -15,7 +15,7 @@ from hpcpic.core.api.numbers import whole, words
 from hpcpic.core.api.results import Run, ended, threads_of
 from hpcpic.core.api.simulation import Simulation
 from hpcpic.core.api.tables import Check, Forecast
-from hpcpic.core.api.texts import case_text, setting_text
+from hpcpic.core.api.texts import case_text, setting_text, told_in_python
 from hpcpic.core.app.app import App
 from hpcpic.core.app.read import Case as ReadCase
 from hpcpic.core.app.read import read_case
@@ -68,11 +68,12 @@ class Case:
 
     def _read(self) -> None:
         self._app = type(self).load_app()
-        if self._source is not None:
-            self._read_case = read_case(self._app, self._source, self._sets)
-        else:
-            tree = self._tree()
-            self._read_case = ReadCase("case.conf", tree, self._app.configure(tree))
+        with told_in_python():
+            if self._source is not None:
+                self._read_case = read_case(self._app, self._source, self._sets)
+            else:
+                tree = self._tree()
+                self._read_case = ReadCase("case.conf", tree, self._app.configure(tree))
 
     @property
     def config(self) -> Any:
@@ -165,7 +166,9 @@ class Case:
         flags.seconds(), flags.interval()  # which are refused before there is a folder
         told = use.keep_own()
         target = run_folder(self._read_case) if folder is None else os.fspath(folder)
-        return ended(job(lambda: self._app, prepare, flags, raises=True), target, self._app)
+        with told_in_python():
+            code = job(lambda: self._app, prepare, flags, raises=True)
+        return ended(code, target, self._app)
 
     @contextmanager
     def _file(self) -> Iterator[str]:
@@ -183,7 +186,8 @@ class Case:
 
         force: in spite of limits that allow it. Raises ConfigError beyond the others."""
         threads = threads_of(threads)
-        enforce(self._app.derived(self.config, 1), self._read_case.tree, force)
+        with told_in_python():
+            enforce(self._app.derived(self.config, 1), self._read_case.tree, force)
         return Simulation(self._app, self.config, threads)
 
 

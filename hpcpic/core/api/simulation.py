@@ -103,11 +103,13 @@ class Simulation:
 
     def every(self, *, steps: int | None = None, seconds: float | None = None) -> Callable[[Look], Look]:
         """Call the function with this simulation each so many steps, or at the first step at or after each multiple of
-        so many seconds of physical time; at the start too. All ranks call it, after a whole step.
+        so many seconds of physical time; at the start too. All ranks call it, after a whole step. Raises ConfigError.
         """
-        if (steps is None) == (seconds is None) or (steps or seconds or 0) <= 0:
-            raise ConfigError("every: say steps=N or seconds=T, greater than 0")
-        trigger = Every(steps) if steps is not None else EveryTime(float(seconds or 0.0))
+        if (steps is None) == (seconds is None):
+            raise ConfigError("every: say steps=N or seconds=T, one of them")
+        if seconds is not None and finite(seconds, "every: seconds") <= 0:
+            raise ConfigError(f"every: seconds: greater than 0 (got {seconds!r})")
+        trigger = EveryTime(float(seconds)) if seconds is not None else Every(whole(steps, "every: steps"))
 
         def observed(look: Look) -> Look:
             def observe() -> None:
@@ -200,7 +202,8 @@ class Simulation:
 
     def particles(self, name: str | None = None) -> xarray.Dataset:
         """All particles of one species, fluid or set of grains, on every rank, in the order of their numbers; without a
-        name those of the only one.
+        name those of the only one. In double precision, which holds any state exactly; snapshots of SPH hold all but
+        the positions in single precision.
         """
         self._require_open()
         found = self.model.particles()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -11,6 +13,15 @@ from hpcpic.core.case.schema import value_text
 from hpcpic.core.errors import ConfigError
 
 Keep = Callable[[Mapping[str, Any]], str]  # writes arrays to a file, and tells its path
+
+
+@contextmanager
+def told_in_python() -> Iterator[None]:
+    """Errors in the body call a change of a case as Python does, where the command line has --set."""
+    try:
+        yield
+    except ConfigError as error:
+        raise ConfigError([re.sub("^--set ", "changed: ", told) for told in error.messages]) from None
 
 
 def case_text(sections: Mapping[str, Any], keep: Keep) -> str:

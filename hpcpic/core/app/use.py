@@ -50,7 +50,7 @@ def import_text(name: str, text: str, path: str) -> None:
 
     if name in used:
         if used[name].text != text:
-            raise ConfigError(f"--use {path}: {used[name].path} has the same name; give one of them another")
+            raise ConfigError(f"{path}: {used[name].path} has the same name; give one of them another")
         return
     stem = f"use_{Path(name).stem}"
     try:

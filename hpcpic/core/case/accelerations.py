@@ -63,10 +63,8 @@ def _fault(acceleration: Acceleration) -> str:
     from numba import types
 
     def three_numbers(result: Any) -> bool:
-        real = (types.Integer, types.Float)
-        return isinstance(result, types.BaseTuple) and result.count == 3 and all(
-            isinstance(types.unliteral(one), real) for one in result
-        )
+        parts, real = getattr(result, "types", ()), (types.Integer, types.Float)
+        return len(parts) == 3 and all(isinstance(types.unliteral(part), real) for part in parts)
 
     three = types.UniTuple(types.float64, 3)
     arguments = {"x": three, "v": three, "t": types.float64}
@@ -76,7 +74,8 @@ def _fault(acceleration: Acceleration) -> str:
 def faults(name: str) -> Iterator[tuple[Path, str]]:
     """An acceleration that nobody has registered, or that cannot be compiled."""
     if name and name not in ACCELERATIONS:
-        known = f"; there are {', '.join(ACCELERATIONS)}" if ACCELERATIONS else ": --use FILE.py registers one"
+        how = ": `register` does, in a script or in a file that --use names"
+        known = f"; there are {', '.join(ACCELERATIONS)}" if ACCELERATIONS else how
         yield ("acceleration",), f"nobody has registered {name!r}{known}"
     elif name and (said := _fault(ACCELERATIONS[name])):
         yield ("acceleration",), said

@@ -64,7 +64,7 @@ def enforce(numbers: Iterable[Derived], tree: Tree, force: bool = False) -> list
         elif number.verdict == "fail" and force and number.forceable:
             warnings.append(f"{number} (refused without --force)")
         elif number.verdict == "fail":
-            hint = " (--force runs it all the same)" if number.forceable else ""
+            hint = " (--force runs it, in Python force=True)" if number.forceable else ""
             refusals.append(f"{tree.where(number.key)}: {dotted(number.key) or 'case'}: {number}{hint}")
     if refusals:
         raise ConfigError(refusals)

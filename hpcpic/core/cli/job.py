@@ -385,5 +385,5 @@ def require_memory(app: App, config: Any, ranks: int, here: int, force: bool) ->
         f"{math.ceil(wanted / there)} such machines"
     )
     if not force:
-        raise ConfigError(f"{text} (--force runs it all the same)")
+        raise ConfigError(f"{text} (--force runs it, in Python force=True)")
     return [f"{text} (refused without --force)"]

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -93,7 +93,7 @@ class ParticleArray:
 
     time_offsets: s by which a column is of a later time than the positions, where it is. constants: what all particles
     of the species have in common, of PARTICLE_UNITS; "charge" and "mass" are those of one real particle, of which each
-    one here stands for "weighting".
+    one here stands for "weighting". kept_single: files hold the columns in single precision.
     """
 
     ids: NDArray[np.int64]
@@ -102,6 +102,13 @@ class ParticleArray:
     units: Mapping[str, str] = field(default_factory=dict)
     time_offsets: Mapping[str, float] = field(default_factory=dict)
     constants: Mapping[str, float] = field(default_factory=dict)
+    kept_single: bool = False
+
+    def as_kept(self) -> "ParticleArray":
+        """What files hold of it."""
+        if not self.kept_single:
+            return self
+        return replace(self, columns={name: values.astype(np.float32) for name, values in self.columns.items()})
 
 
 @dataclass(frozen=True, slots=True)

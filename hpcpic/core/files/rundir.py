@@ -186,12 +186,12 @@ class RunDir:
         if not self._is_ours():
             raise FileError(
                 f"{self.path} holds files that a run would write {named}, and no run.json of a run: they are not "
-                "touched; choose another folder with -o, or take them away yourself"
+                "touched; choose another folder, or take them away yourself"
             )
         if not replace:
             raise FileError(
-                f"{self.path} holds a run already {named}; choose another folder with -o, go on with `restart`, or "
-                "replace that run with --replace (--force is for limits alone)"
+                f"{self.path} holds a run already {named}; choose another folder (-o), go on with `restart`, or "
+                "replace that run: --replace, in Python replace=True (force is for limits alone)"
             )
 
     def _is_ours(self) -> bool:

@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 
 MESSAGE_BYTES = 4096
 CURES = {
-    errno.ENOSPC: "; free some space, or send the output to another disk with -o",
-    errno.EDQUOT: "; the quota is used up: free some space, or send the output to another disk with -o",
+    errno.ENOSPC: "; free some space, or choose a folder on another disk",
+    errno.EDQUOT: "; the quota is used up: free some space, or choose a folder on another disk",
     errno.EACCES: "; check the permissions",
-    errno.EROFS: "; send the output to another disk with -o",
+    errno.EROFS: "; choose a folder on another disk",
 }
 
 

@@ -156,7 +156,7 @@ class Outputs:
         self._writers["particle"] = writer
 
         def observe() -> None:
-            species = model.particles()
+            species = {name: own.as_kept() for name, own in model.particles().items()}
             self.rest()
             with self.timers.section("output particle"):
                 writer.append(model.iteration, model.time, species)
@@ -184,7 +184,7 @@ class Outputs:
         writer = OpenPMDWriter(self.world, self.rundir.openpmd, model.time_step, after=self.after)
 
         def observe() -> None:
-            fields, species = model.fields(), model.particles()
+            fields, species = model.fields(), {name: own.as_kept() for name, own in model.particles().items()}
             self.rest()
             self.flush_series()
             with self.timers.section("output openpmd"):

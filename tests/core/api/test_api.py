@@ -144,6 +144,37 @@ def test_what_is_wrong_is_raised_in_the_words_of_the_command_line(make, told):
         make()
 
 
+@pytest.mark.parametrize(
+    ("when", "told"),
+    [
+        ({"steps": 2.5}, r"every: steps: a whole number, 1 or more \(got 2.5\)"),
+        ({"steps": 0}, "every: steps: a whole number, 1 or more"),
+        ({"steps": -3}, "every: steps: a whole number, 1 or more"),
+        ({"steps": "3"}, "every: steps: a whole number, 1 or more"),
+        ({"seconds": 0.0}, "every: seconds: greater than 0"),
+        ({"seconds": -1}, "every: seconds: greater than 0"),
+        ({"seconds": float("nan")}, "every: seconds: a finite number"),
+        ({"seconds": "0.1"}, "every: seconds: a finite number"),
+        ({}, "steps=N or seconds=T"),
+        ({"steps": 1, "seconds": 0.1}, "steps=N or seconds=T"),
+    ],
+)
+def test_observers_look_at_whole_steps_or_times_from_0_on(when, told):
+    with (
+        hpcpic.Case("plasma-oscillation").changed(SHORT).simulation(threads=1) as sim,
+        pytest.raises(hpcpic.ConfigError, match=told),
+    ):
+        sim.every(**when)
+
+
+def test_messages_call_a_change_as_python_does():
+    case = hpcpic.Case("plasma-oscillation")
+    with pytest.raises(hpcpic.ConfigError, match=r"^changed: grid.pionts=3: grid.pionts: unknown key"):
+        case.changed({"grid.pionts": 3})
+    with pytest.raises(hpcpic.ConfigError, match=r"^changed: simulation.time_step=100.0: simulation.time_step"):
+        case.changed({"simulation.time_step": 100.0}).simulation()
+
+
 @pytest.mark.parametrize("threads", [0, -1, 1.5, "2", True])
 def test_threads_are_a_whole_number_from_one_on(threads, tmp_path):
     case = hpcpic.Case("plasma-oscillation")
@@ -170,6 +201,20 @@ def test_an_advance_goes_to_a_time_or_by_steps_that_there_are():
         sim.advance(steps=np.int64(2))
         sim.advance(steps=0)
         assert sim.iteration == 2
+
+
+def test_particles_in_memory_have_all_digits_of_the_state(tmp_path):
+    """They have the energy of the series, which is summed of the state; files of SPH hold them rounded."""
+    case = sph.Case("water-column").changed({"numerics.spacing": 0.05, "simulation.end_time": 0.002})
+    with case.simulation(threads=1) as sim:
+        sim.advance()
+        water, scalars = sim.particles("water"), sim.scalars()
+    energy = float((water["mass"] * (water["velocity"] ** 2).sum("component")).sum()) / 2
+    assert energy == pytest.approx(scalars["energy_kinetic"], rel=1e-12)
+    kept = case.run(tmp_path / "run", threads=1, quiet=True).particles("water")
+    assert kept["position"].equals(water["position"])
+    for name in ("velocity", "pressure", "density", "mass"):
+        assert kept[name].dtype == np.float32 and np.array_equal(kept[name], water[name].astype(np.float32))
 
 
 def test_wall_and_checkpoints_are_taken_as_numbers_too(tmp_path):

@@ -188,7 +188,7 @@ def test_a_refusal_stops_the_run_unless_it_can_be_forced():
     with pytest.raises(ConfigError) as caught:
         enforce(numbers, tree)
     assert caught.value.messages == [
-        "case:2:2: group.count: c C = 3 (limit < 2; book): count = 1 (--force runs it all the same)",
+        "case:2:2: group.count: c C = 3 (limit < 2; book): count = 1 (--force runs it, in Python force=True)",
         "case:1:1: group.colour: d D = 4 (limit < 2; book): no",
     ]
     with pytest.raises(ConfigError) as caught:
