@@ -247,8 +247,8 @@ def test_a_dam_break_presses_the_wall_as_two_other_programs_have_it(world):
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_the_peak_at_the_foot_is_the_measured_one_at_the_spacing_of_others(world, seed):
-    """Lobovsky et al. 2014: 2.84 rho g H on 4.2 mm, 3 mm above the floor. Measured with 0.75 mm: 2.70, 3.02, 3.05 (8 min
-    of two cores each); with 1.25 mm 3.1 to 4.4.
+    """Lobovsky et al. 2014: 2.84 rho g H on 4.2 mm, 3 mm above the floor. Measured with 0.75 mm: 2.70, 3.02, 3.05 (8
+    min of two cores each); with 1.25 mm 3.1 to 4.4.
     """
     sizes = ["gauge[1].size=[0,0.0042]", *(f"gauge[{k}].size=[0,0.0084]" for k in (2, 3, 4))]
     _, found = sensors_of(world, "numerics.spacing=0.00075", f"simulation.random_seed={seed}", *sizes)
