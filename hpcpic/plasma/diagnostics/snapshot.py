@@ -29,7 +29,7 @@ def fields(mesh: Mesh, names: Collection[str]) -> dict[str, FieldArray]:
         "E": e,
     }
     return {
-        name: FieldArray(values, unit_in(MESH_FIELDS[name], d)) for name, values in found.items() if name in names
+        name: FieldArray(values, unit_in(MESH_FIELDS[name].unit, d)) for name, values in found.items() if name in names
     }
 
 

@@ -14,7 +14,7 @@ from hpcpic.core.app.forecast import Estimate, gain, writing_seconds
 from hpcpic.plasma.case.config import PlasmaConfig, velocity_components
 from hpcpic.plasma.forecast.plan import arrays, factor_nonzeros
 from hpcpic.plasma.forecast.rates import DEFAULT, kernel_ns
-from hpcpic.plasma.physics.species_fields import SPECIES_FIELDS
+from hpcpic.plasma.physics.species_fields import MESH_FIELDS, SPECIES_FIELDS
 from hpcpic.plasma.sizes import EDGE
 
 MIB = 2.0**20
@@ -191,8 +191,9 @@ def memory_items(
 def stored_components(config: PlasmaConfig) -> int:
     """Numbers of a node in a snapshot of the fields; vectors are stored with three components."""
     names = config.output.fields
-    of_species = sum(3 if field.vector else 1 for field in SPECIES_FIELDS.values() if field.name in names)
-    return ("rho" in names) + ("phi" in names) + 3 * ("E" in names) + len(config.species) * of_species
+    of_mesh = sum(3 if field.vector else 1 for name, field in MESH_FIELDS.items() if name in names)
+    of_species = sum(3 if field.vector else 1 for name, field in SPECIES_FIELDS.items() if name in names)
+    return of_mesh + len(config.species) * of_species
 
 
 def disk_items(config: PlasmaConfig) -> dict[str, float]:

@@ -16,6 +16,7 @@ takes the mean of is a Moment, whose integrand is written once:
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,15 @@ from numpy.typing import NDArray
 from hpcpic.plasma.case.config import PlasmaConfig, name_of, velocity_components
 from hpcpic.plasma.physics.moments import SPEED_SQUARED, VELOCITY, Moment
 
-MESH_FIELDS = {"rho": "C/m^d", "phi": "V", "E": "V/m"}  # of all species together, with their units
+
+class MeshField(NamedTuple):
+    """Unit of a field of all species together; vector: it has a component along each axis of the grid."""
+
+    unit: str
+    vector: bool = False
+
+
+MESH_FIELDS = {"rho": MeshField("C/m^d"), "phi": MeshField("V"), "E": MeshField("V/m", vector=True)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +94,7 @@ def field_units(config: PlasmaConfig) -> dict[str, tuple[str, int]]:
     <field>_<species>.
     """
     d, components = config.dimensions, velocity_components(config)
-    units = {name: (unit, d if name == "E" else 0) for name, unit in MESH_FIELDS.items()}
+    units = {name: (field.unit, d if field.vector else 0) for name, field in MESH_FIELDS.items()}
     for i, species in enumerate(config.species):
         for field in SPECIES_FIELDS.values():
             units[f"{field.name}_{name_of(species, i)}"] = field.unit, components if field.vector else 0
