@@ -35,6 +35,7 @@ from hpcpic.core.study.recommend import Recommendation, Verified
 from hpcpic.core.study.record import Record
 from hpcpic.core.study.search import Search
 from hpcpic.core.study.tradeoff import chosen_quantity
+from hpcpic.core.study.ways_out import ways
 
 TOLERANCES = (0.05, 0.02, 0.01, 0.005)  # the last one of shipped cases only
 CASES = {  # those that take seconds
@@ -122,7 +123,7 @@ def verified(one: Search, tolerance: float) -> tuple[Recommendation, Verified | 
     try:
         return made, made.verify(tolerance), spent(one)
     except CheckFailed as error:
-        return made, None, {**spent(one), "why": error.message, "ways": made.ways(tolerance)}
+        return made, None, {**spent(one), "why": error.message, "ways": ways(made, tolerance)}
 
 
 def row(

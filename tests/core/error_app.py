@@ -31,6 +31,7 @@ class ErrorConfig(Section):
     dx: float = setting(0.1, "spacing", gt=0)
     particles: int = setting(1000, "number of particles", ge=1)
     order: float = setting(2.0, "of the error in dx")
+    bump: float = setting(0.0, "error more where 0.105 < dx < 0.13")
     noise: float = setting(0.0, "error that no knob makes, drawn from the settings")
     start: float = setting(0.0, "error that is drawn anew with the number of particles")
     limit: float = setting(0.5, "dt beyond which the energy grows")
@@ -65,6 +66,7 @@ class ErrorToy(toy_app.Toy):
         if c.mode == 2 and abs(c.dt - 0.05) > 1e-3 and abs(c.dx - 0.1) > 1e-3:  # which no law of one knob knows
             half = 20.0
         start = c.start * math.sin(c.particles)
+        half += c.bump / (A * c.dx**c.order) if 0.105 < c.dx < 0.13 else 0.0
         answer = 1 + start + half * A * c.dx**c.order - B * c.dt**2 + C / c.particles + c.noise * drawn + c.offset
         fast = 0.5 if c.dt > c.limit else 0.0
         rate = c.slow * 2 * c.dt / c.limit

@@ -1,7 +1,7 @@
 """From the laws of a search to a recommendation that was run: certified, or marked as known less well; or the ways out.
 
-Certified: the measured error and the uncertainty of the reference are together within the tolerance. Marked: the
-measured error is, and what is known does not suffice for more.
+Certified: the measured error and the uncertainty of the reference are together within the tolerance, and so they are of
+every setting measured that is finer. Marked: the measured error is, and what is known does not suffice for more.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpcpic.core.app.text import duration, percent
+from hpcpic.core.app.text import percent
 from hpcpic.core.errors import CheckFailed
 from hpcpic.core.study.error_models import cheapest, relative_cost
 from hpcpic.core.study.pilot import Pilot
@@ -22,6 +22,7 @@ from hpcpic.core.study.search import WORTH, Scheme, Search
 LIMIT_MARGIN = 0.8  # of the end of stability
 NEIGHBOUR = 1.25
 APART = 1.1  # at least, of sizes that tell more than one
+SAME = 1.001  # times a size: the same, to rounding
 DEAREST = 2.0  # times the cost of the case's pilot: a neighbour that is not run
 TRIES = 4
 FINER = 3.0  # pilots of the case's cost: about what a finer level of one knob costs
@@ -30,9 +31,6 @@ UNKNOWN = 3.0  # times the tolerance: where the reference is not known better, n
 FAR = 5.0  # times what a recommendation may cost
 MOST_STEPS = 24  # of a tenth, back from what `check` warns of
 SEEN = 2.0  # times the tolerance: an error of the field beside the quantity that is told as a warning
-SEEDS = (2, 3, 4)  # of the ensemble that a refusal measures
-DAYS = 1e6  # s: what takes longer is no way out
-HALVINGS = 12  # of all knobs together, that a way out may name
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +50,8 @@ class Proposal:
 @dataclass(frozen=True, slots=True)
 class Verified:
     """A proposal that was run: pilot, its measured error, that of the field beside it (nan: not known), those of the
-    coarser and finer neighbour. kept: sizes of all that were run and are as good as the laws say.
+    coarser and finer neighbour, `beside` their sizes. kept: sizes of all that were run and are as good as the laws say.
+    luck: by which finer setting one sees that an error within the tolerance is luck.
     """
 
     proposal: Proposal
@@ -61,8 +60,10 @@ class Verified:
     field: float
     certified: bool
     neighbours: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    beside: Mapping[str, Mapping[str, float]] = dataclasses.field(default_factory=dict)
     warnings: list[str] = dataclasses.field(default_factory=list)
     kept: list[Mapping[str, float]] = dataclasses.field(default_factory=list)
+    luck: str = ""
 
 
 class Recommendation:
@@ -151,6 +152,8 @@ class Recommendation:
             known = self.attempts(tolerance)
             if known and known[-1].certified:
                 run = self.compared(known[-1])
+                if luck := self.luck(run, tolerance):
+                    return dataclasses.replace(run, certified=False, luck=luck)
                 unsure = self.unchecked(run)
                 if not unsure:
                     return run
@@ -186,7 +189,7 @@ class Recommendation:
                 run = self.tried(proposal := self.first(tolerance))
             if run is not None:
                 known.append(run)
-                if run.error + uncertainty <= tolerance:
+                if self.holds(run.error, tolerance):
                     return [*known[:-1], dataclasses.replace(run, certified=True)]
             if proposal.scheme.others:  # what it and the knobs do together is not in the laws: without it
                 self.schemes = self.schemes[:1]
@@ -200,6 +203,30 @@ class Recommendation:
             misses += 1
             proposal = self.after_miss(misses, proposal, tolerance, run.error if run else tolerance)
         return known
+
+    def holds(self, error: float, tolerance: float) -> bool:
+        """True if an error that was measured is within the tolerance wherever in its interval the reference lies."""
+        return error + self.search.uncertainty <= tolerance
+
+    def luck(self, run: Verified, tolerance: float) -> str:
+        """A measured setting, as fine as this one in every knob and finer in one, that does not hold the tolerance; ""
+        if there is none. Errors that grow towards finer sizes tell that a small one among them is chance.
+        """
+        search, sizes = self.search, run.proposal.sizes
+        measured = {f"the {words} neighbour": (run.beside[words], error) for words, error in run.neighbours.items()}
+        if not run.proposal.scheme.others:  # in which the levels were run
+            for knob in search.knobs:
+                for level in search.levels[knob.name]:
+                    at = {**search.own, knob.name: level.size}
+                    words = f"the case with {knob.name} = {knob.shown(level.size):.4g}"
+                    measured[words] = at, search.error(level.value)
+        acting = [law.name for law in run.proposal.scheme.laws if not law.idle]
+        for words, (at, error) in measured.items():
+            ratios = [at[name] / sizes[name] for name in acting]
+            finer = ratios and max(ratios) < SAME and min(ratios) < 1.0 / SAME
+            if finer and not self.holds(error, tolerance):
+                return f"{words} is off by {percent(error)}: that this setting, which is coarser, is by less is luck"
+        return ""
 
     def unchecked(self, run: Verified) -> list[str]:
         """Knobs whose order theory alone tells, where no run at a third size of theirs is as good as the laws say."""
@@ -288,6 +315,7 @@ class Recommendation:
         """With the settings beside it: where their errors do not follow the laws a small one is luck."""
         search, proposal = self.search, run.proposal
         neighbours: dict[str, float] = {}
+        at: dict[str, Mapping[str, float]] = {}
         warnings = self.unpromised(run)
         kept = [run.pilot.sizes] if run.error <= proposal.bound + search.uncertainty else []
         laws = {law.name: law for law in proposal.scheme.laws}
@@ -299,7 +327,7 @@ class Recommendation:
                 continue
             beside = search.pilot(sizes, proposal.scheme.others, f"{words} neighbour")
             try:
-                neighbours[words] = search.error(search.measured(beside))
+                neighbours[words], at[words] = search.error(search.measured(beside)), beside.sizes
             except CheckFailed as failure:
                 warnings.append(f"the {words} neighbour: {failure.message}")
                 continue
@@ -310,7 +338,7 @@ class Recommendation:
                     f"the {words} neighbour is off by {percent(neighbours[words])}, more than twice the law's "
                     f"{percent(bound + search.floor)}"
                 )
-        return dataclasses.replace(run, neighbours=neighbours, warnings=warnings, kept=kept)
+        return dataclasses.replace(run, neighbours=neighbours, beside=at, warnings=warnings, kept=kept)
 
     def unpromised(self, run: Verified) -> list[str]:
         """Warnings where the laws alone would not say that the proposal is good enough, where the field beside the
@@ -329,80 +357,3 @@ class Recommendation:
             )
         own = {words.partition(":")[2][:12] for words in self.search.base.warnings}
         return found + [words for words in run.pilot.warnings if words.partition(":")[2][:12] not in own]
-
-    # ----------------------------------------------------------------------------------------- ways out
-
-    def ways(self, tolerance: float) -> list[str]:
-        """What to do where nothing is certified, each with its price."""
-        search = self.search
-        reached = search.error(search.value) + search.uncertainty
-        found = [f"--tolerance {percent(1.05 * reached).replace(' ', '')} is certified by the case itself, at no cost"]
-        return [*found, *self.dearer(tolerance), *self.deeper(tolerance), *self.ensemble(tolerance)]
-
-    def dearer(self, tolerance: float) -> list[str]:
-        """Settings that the laws promise to be good enough, and that were not run for their price."""
-        proposal = self.first(self.certain(tolerance))
-        price = self.price(proposal)
-        seconds = price * self.search.base.seconds
-        if price <= self.most or seconds > DAYS:
-            return []
-        return [f"--pilots {math.ceil(price)} runs {self.text(proposal)} too, {duration(seconds)}"]
-
-    def deeper(self, tolerance: float) -> list[str]:
-        """Finer pilots, until the reference is known to half of the tolerance; or a finer case where none helps."""
-        search = self.search
-        doubts = {law.name: law.doubt for law in search.laws.values()}
-        halved = dict.fromkeys(doubts, 0)
-        cost = {knob.name: knob.cost for knob in search.knobs}
-        finest = {law.name: min(float(law.sizes[0]) / law.here, 1.0) for law in search.laws.values()}
-        extra = 0.0
-        while sum(doubts.values()) > 0.5 * tolerance and sum(halved.values()) < HALVINGS:
-            name = max(doubts, key=doubts.__getitem__)
-            doubts[name] *= 0.5 ** search.laws[name].used
-            halved[name] += 1
-            extra += (2.0 ** halved[name] / finest[name]) ** cost[name]
-        if sum(doubts.values()) > 0.5 * tolerance or not extra:
-            return []
-        drawn = any(halved[law.name] and law.random for law in search.laws.values())
-        if not drawn:
-            pilots = math.ceil(search.pilots.paid / search.base.price + extra)
-            if extra * search.base.seconds > DAYS:
-                return []
-            return [f"--pilots {pilots} may measure it: about {duration(extra * search.base.seconds)} more"]
-        sizes = {name: search.own[name] * 0.5**n for name, n in halved.items() if n}
-        factor = math.prod(2.0 ** (cost[name] * n) for name, n in halved.items())
-        sets = " ".join(f"--set {word}" for word in self.different(sizes))
-        return [f"start from a finer case: {sets}, {duration(factor * search.base.seconds)} a pilot"]
-
-    def different(self, sizes: Mapping[str, float]) -> list[str]:
-        """The --set list of these sizes, without what the case says already."""
-        knobs = self.pilots.knobs
-        own = set(knobs.settings(self.search.own, knobs.time))
-        return [word for word in knobs.settings({**self.search.own, **sizes}, knobs.time) if word not in own]
-
-    def ensemble(self, tolerance: float) -> list[str]:
-        """Where numbers are drawn: how far seeds lie apart, and how many make a mean that is known to the tolerance."""
-        search, knobs = self.search, self.pilots.knobs
-        other = knobs.seed or knobs.shaken
-        if other is None or not any(not law.asymptotic and not law.idle for law in search.laws.values()):
-            return []
-        snapshot = knobs.seen.snapshot(float(search.quantity.time)) if knobs.seen else ()
-        values = [search.value] if knobs.seed else []
-        for seed in SEEDS:
-            more = (*other(seed), *snapshot)
-            pilot = self.pilots.run(search.own, search.quantity.time, None, more, words=f"seed {seed}")
-            try:
-                values.append(search.measured(pilot))
-            except CheckFailed:
-                return []
-        centre = sum(values) / len(values)
-        squares = sum(float(((value - centre) ** 2).mean()) for value in values)
-        spread = math.sqrt(squares / (len(values) - 1)) / search.scale
-        runs = math.ceil((2.0 * spread / (0.5 * tolerance)) ** 2)
-        if runs <= 1:
-            return []
-        return [
-            f"seeds lie {percent(spread)} apart (standard deviation of {len(values)}): a mean over {runs} seeds is "
-            f"known to {percent(0.5 * tolerance)} with 95 %, {duration(runs * search.base.seconds)} in all "
-            f"(sweep{''.join(f' --set {word}' for word in other(1)[1:])} --set {other(1)[0]}:{runs}:{runs})"
-        ]

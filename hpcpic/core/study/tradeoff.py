@@ -76,6 +76,7 @@ def trade(app_loader: AppLoader, asked: Asked) -> None:
     """Raises ConfigError, and CheckFailed without a recommendation."""
     from hpcpic.core.study import front
     from hpcpic.core.study.recommend import Recommendation
+    from hpcpic.core.study.ways_out import ways
 
     wanted, limit = parse_tolerance(asked.tolerance), parse_seconds(asked.max_cost)
     if asked.target and wanted is None:
@@ -112,8 +113,9 @@ def trade(app_loader: AppLoader, asked: Asked) -> None:
             click.echo(f"written: {asked.target}")
     if wanted is not None and (verified is None or not verified.certified):
         known = f"the reference is known to {percent(search.uncertainty)}, {percent(wanted)} is asked for"
+        known = (verified and verified.luck) or known
         refusal = f"no recommendation: {refusal}; {known}" if refusal else f"not certified: {known}"
-        raise CheckFailed("\n".join([refusal, *(f"way out: {words}" for words in made.ways(wanted))]))
+        raise CheckFailed("\n".join([refusal, *(f"way out: {words}" for words in ways(made, wanted))]))
 
 
 def searched(app: App, asked: Asked, wanted: float | None) -> tuple[Search, Record, Path]:
