@@ -33,8 +33,9 @@ def states_of(folder: str, program: str, follow: bool) -> Iterator[Run]:
         began = time.monotonic()
         seen = _stamps(folder) if follow else []  # before reading: what is written meanwhile is a change
         run = open_run(folder, program)
+        goes_on = _goes_on(run)  # before reading too: what is drawn of a run that has ended is all of it
         yield run
-        if not follow or not _goes_on(run):
+        if not follow or not goes_on:
             return
         now = time.monotonic()
         rested = now + max(LEAST_PAUSE_S, PAUSES * (now - began))

@@ -247,6 +247,7 @@ class _Run:
 
     def finish(self, verdict: Verdict, loop_seconds: float) -> Outcome:
         self.watchdog.rest()
+        loop_compiling, _ = self.options.timers.totals().get("compiling", (0.0, 0))
         status, code, reason = self.ending(verdict)
         if code == 0:
             self.outputs.look(self.model.iteration, self.model.time, at_end=True)
@@ -255,7 +256,7 @@ class _Run:
         digest = None if code == 4 else self.keep_state()
         if code == 0 and self.world.any(bool(self.outputs.broken)):
             code, reason = 6, "the steps are all done, but output is missing (see the warnings)"
-        facts = self.facts(status, code, reason, loop_seconds) | {"state_digest": digest}
+        facts = self.facts(status, code, reason, loop_seconds, loop_compiling) | {"state_digest": digest}
         if self.world.rank == 0:
             self.progress.clear()
             self.write_facts(facts)
@@ -288,7 +289,9 @@ class _Run:
             return "finished", 0, verdict.reason.text
         return "stopped", 5, f"{verdict.reason.text}; go on with: {self.options.replay}"
 
-    def facts(self, status: str, code: int, reason: str, loop_seconds: float) -> dict[str, Any]:
+    def facts(
+        self, status: str, code: int, reason: str, loop_seconds: float, loop_compiling: float
+    ) -> dict[str, Any]:
         """What run.json says at the end. Collective; timers are on rank 0 only."""
         model, options, world = self.model, self.options, self.world
         wall = time.monotonic() - options.started
@@ -303,6 +306,7 @@ class _Run:
             "time": model.time,
             "wall_seconds": wall,
             "loop_seconds": loop_seconds,
+            "loop_compiling_seconds": loop_compiling,
             "started": summary.date(options.started),
             "ranks": world.size,
             "threads": options.threads,

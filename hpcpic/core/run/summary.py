@@ -198,8 +198,7 @@ def _head(facts: Mapping[str, Any]) -> list[str]:
 
 def stepping_seconds(facts: Mapping[str, Any]) -> float:
     """Seconds of the steps and their output, without the kernels that the first ones compile."""
-    compiling = (facts.get("timers") or {}).get("compiling", {}).get("avg", 0.0)
-    return max(0.0, float(facts.get("loop_seconds") or 0.0) - float(compiling))
+    return max(0.0, float(facts.get("loop_seconds") or 0.0) - float(facts.get("loop_compiling_seconds") or 0.0))
 
 
 def is_dissipation(entry: Mapping[str, Any]) -> bool:

@@ -76,8 +76,9 @@ def test_who_follows_a_run_sees_each_change_until_it_ends(folder, tmp_path, monk
     assert len(list(follow.states_of(copy, "hpcpic", follow=False))) == 1
     write("running")
     states = follow.states_of(copy, "hpcpic", follow=True)
-    assert next(states).summary["status"] == "running"
+    state = next(states)
     held.unlock()  # as the end of the process does, which writes nothing
+    assert state.summary["status"] == "running", "told before its files are read: else the end would not be drawn"
     assert next(states).summary["status"] == "killed" and next(states, None) is None
 
 

@@ -12,7 +12,7 @@ from hpcpic.core.comm.world import World
 from hpcpic.core.files.reader import open_run
 from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.files.series import read_series
-from hpcpic.core.run import checkpoint, loop
+from hpcpic.core.run import checkpoint, loop, summary
 from hpcpic.core.run.signals import Reason, Stop, WallLimit
 from hpcpic.core.run.triggers import Every, EverySeconds, EveryTime
 from hpcpic.core.timers import Timers
@@ -105,6 +105,24 @@ def test_the_state_at_the_end_is_put_in_order_once(runner):
     outcome, app = runner(steps=5, hook=watch)
     assert states == [None, 5]
     assert outcome.facts["state_digest"] == checkpoint.digest(app.world, app.state())
+
+
+def test_what_is_compiled_after_the_last_step_is_not_taken_off_the_steps(runner):
+    """The state at the end wants kernels of its own: a short run was said to do 0 steps a second."""
+
+    def compile_later(app, stop):
+        plain = type(app).state
+
+        def state():
+            with app.timers.section("compiling"):
+                time.sleep(0.2)
+            return plain(app)
+
+        app.state = state
+
+    outcome, _ = runner(steps=5, pause=0.002, hook=compile_later)
+    assert outcome.facts["timers"]["compiling"]["avg"] > 0.2 > outcome.facts["loop_seconds"]
+    assert summary.stepping_seconds(outcome.facts) == outcome.facts["loop_seconds"] > 0.01
 
 
 def test_checkpoints_by_time(runner):
