@@ -46,7 +46,8 @@ def make_compare_command(app_loader: AppLoader) -> click.Command:
         """
         from hpcpic.core.files.reader import open_run
 
-        runs = (open_run(a), open_run(b))
+        program = app_loader().name
+        runs = (open_run(a, program), open_run(b, program))
         _print_configs(*runs)
         differences: list[Difference] = []
         missing: list[str] = []

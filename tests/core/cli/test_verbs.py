@@ -4,6 +4,7 @@ import csv
 import json
 import os
 import resource
+import shutil
 import subprocess
 import sys
 from importlib import import_module
@@ -194,6 +195,17 @@ def test_a_run_under_way_says_on_what_it_runs_and_has_no_final_state_yet(toy):
     assert "final state: not known" in toy("compare", "a", "a").stdout
     (toy.folder / "a/STOP").touch()
     assert process.wait(20) == 5
+
+
+def test_runs_of_another_program_are_not_compared(toy):
+    """As in all verbs that read a run: what two programs have in common by name is nothing to compare."""
+    assert toy("run", "ring.conf", "-o", "a", "--threads", "1", steps=10).returncode == 0
+    facts = toy.facts("a")
+    shutil.copytree(toy.folder / "a", toy.folder / "b")
+    (toy.folder / "b/run.json").write_text(json.dumps(facts | {"program": "other"}))
+    for pair in (("a", "b"), ("b", "a")):
+        done = toy("compare", *pair)
+        assert done.returncode == 6 and "b: a run of other, not of toy" in done.stderr
 
 
 def test_compare_of_runs_of_different_length_is_exit_3(toy):
