@@ -155,6 +155,7 @@ class Case:
         from hpcpic.core.app import use
         from hpcpic.core.cli.job import Flags, job
         from hpcpic.core.cli.run import prepare_run, run_folder
+        from hpcpic.core.comm.meeting import meet
 
         def prepare(app: App, world: World) -> tuple[RunDir, Plan]:
             with self._file() as path:
@@ -166,6 +167,7 @@ class Case:
         flags.seconds(), flags.interval()  # which are refused before there is a folder
         told = use.keep_own()
         target = run_folder(self._read_case) if folder is None else os.fspath(folder)
+        meet("run()")
         with told_in_python():
             code = job(lambda: self._app, prepare, flags, raises=True)
         return ended(code, target, self._app)

@@ -160,12 +160,14 @@ class Run:
         """
         from hpcpic.core.cli.job import Flags, job
         from hpcpic.core.cli.restart import prepare_restart
+        from hpcpic.core.comm.meeting import meet
 
         until = None if until is None else finite(until, "until")
         sets = tuple(f"{key}={setting_text(value, key, _keep_nothing)}" for key, value in (changes or {}).items())
         flags = Flags(threads_of(threads), words(wall), words(checkpoint_every), quiet=quiet, summary=not quiet)
         flags.seconds(), flags.interval()  # which are refused before the folder is touched
         use.keep_own()
+        meet("restart()")
         prepare = partial(prepare_restart, str(self.path), until, sets)
         return ended(job(lambda: self._app, prepare, flags, raises=True), self.path, self._app)
 

@@ -26,7 +26,8 @@ Look = TypeVar("Look", bound="Callable[[Simulation], object]")
 
 
 class Simulation:
-    """The state of a case, from its start on. Every method is collective: under mpirun all ranks call it.
+    """The state of a case, from its start on. Under mpirun its methods are collective: all ranks call them, in one
+    order. Where a rank calls another one all raise ConfigError; who waits for half a minute says so on standard error.
 
     >>> import hpcpic
     >>> with hpcpic.Case("plasma-oscillation").simulation(threads=1) as sim:
@@ -42,11 +43,13 @@ class Simulation:
     ) -> None:
         """checkpoints: the run whose newest one it goes on from, and its case."""
         from hpcpic.core import memory
+        from hpcpic.core.comm.meeting import meet
         from hpcpic.core.comm.world import World
         from hpcpic.core.run.guard import Guard
         from hpcpic.core.tasks.graph import Pool
         from hpcpic.core.timers import Timers
 
+        meet("simulation()")
         self.world = World.start()
         self.threads = threads or self.world.default_threads()
         make = app.load()
@@ -82,10 +85,13 @@ class Simulation:
         """Free memory and threads. After an exception on one rank of several, what MPI holds stays with MPI."""
         if not self._open:
             return
-        self._open = False
-        if collectively:
-            self.model.close()
-        self._pool.close()
+        try:
+            if collectively:
+                self._meet("close()")
+                self.model.close()
+        finally:
+            self._open = False
+            self._pool.close()
 
     @property
     def time(self) -> float:
@@ -120,9 +126,14 @@ class Simulation:
 
         return observed
 
-    def _require_open(self) -> None:
+    def _meet(self, call: str) -> None:
+        """All ranks make this call of an open simulation. Raises ConfigError."""
         if not self._open:
             raise ConfigError("this simulation is closed: case.simulation() makes another one")
+        if self.world.size > 1:
+            from hpcpic.core.comm.meeting import meet
+
+            meet(call)
 
     def step(self) -> None:
         """One step."""
@@ -132,7 +143,7 @@ class Simulation:
         """So many steps, or until a physical time [s]; by default to the end of the case. Ctrl-C is heard after a whole
         step. Raises Diverged.
         """
-        self._require_open()
+        self._meet("advance()")
         if steps is not None and until is not None:
             raise ConfigError("advance: say steps=N or until=T, not both")
         steps = None if steps is None else whole(steps, "advance: steps", 0)
@@ -175,7 +186,7 @@ class Simulation:
 
     def scalars(self) -> dict[str, float]:
         """The scalars of the series, in the units of `scalar_units`."""
-        self._require_open()
+        self._meet("scalars()")
         return dict(self.model.scalars())
 
     @property
@@ -184,14 +195,14 @@ class Simulation:
 
     def digest(self) -> str:
         """SHA-256 of the state in global order: the same on any ranks and threads."""
-        self._require_open()
+        self._meet("digest()")
         from hpcpic.core.run import checkpoint
 
         return checkpoint.digest(self.world, self.model.state())
 
     def fields(self, name: str) -> xarray.DataArray:
         """A field on the whole grid, on every rank, with the places of its points."""
-        self._require_open()
+        self._meet(f"fields({name!r})")
         found = self.model.fields()
         if name not in found:
             raise ConfigError(f"no field {name!r}; there are {', '.join(found) or 'none'}")
@@ -205,7 +216,7 @@ class Simulation:
         name those of the only one. In double precision, which holds any state exactly; snapshots of SPH hold all but
         the positions in single precision.
         """
-        self._require_open()
+        self._meet(f"particles({name!r})" if name else "particles()")
         found = self.model.particles()
         if name is None and len(found) == 1:
             (name,) = found
