@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import sys
 import traceback
 from collections.abc import Mapping
 from contextlib import suppress
@@ -61,14 +62,19 @@ def import_text(name: str, text: str, path: str) -> None:
 
 
 def keep_own() -> list[str]:
-    """Keep what a script has registered, as a run of it is to be restarted; what cannot be imported is told."""
-    told = []
+    """Keep what a script has registered, as a run of it is to be restarted; what no restart can import is told."""
+    told, script = [], os.path.realpath(getattr(sys.modules["__main__"], "__file__", None) or "")
     for path in sorted(own.files):
         text = file_bytes(path).decode("utf-8-sig")
-        if "__main__" in text:
+        if path != script or "__main__" in text:
             used.setdefault(Path(path).name, UserFile(path, text))
         else:
             told.append(f'{path}: no restart can import it: put what runs under if __name__ == "__main__":')
+    if own.typed:
+        told.append(
+            f"{', '.join(sorted(own.typed))}: stands in a notebook or at the prompt, where a run cannot keep it and no "
+            "restart finds it: write it, and the call of register, into a file, and import that"
+        )
     return told
 
 

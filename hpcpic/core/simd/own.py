@@ -5,6 +5,7 @@ from pathlib import Path
 
 _PACKAGES = tuple(f"{Path(__file__).parents[3] / name}/" for name in ("hpcpic", "sph", "lbmdem"))
 files: set[str] = set()
+typed: set[str] = set()  # names of what stands in no file: in a notebook, or at the prompt
 
 
 def same(one: object, other: object) -> bool:
@@ -19,5 +20,7 @@ def note(thing: object) -> None:
     code = getattr(thing, "__code__", None)
     kind = sys.modules.get(type(thing).__module__)
     file = code.co_filename if code else getattr(kind, "__file__", None) or ""
-    if Path(file).is_file() and not file.startswith(_PACKAGES):
+    if not Path(file).is_file() and not file.startswith("<use_"):  # which --use has imported, and keeps
+        typed.add(getattr(thing, "__name__", type(thing).__name__))
+    elif not file.startswith((*_PACKAGES, "<use_")):
         files.add(str(Path(file).resolve()))

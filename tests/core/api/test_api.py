@@ -285,6 +285,56 @@ assert run.restart(threads=1, quiet=True).digest == {oscillation.digest!r}
     assert again.series.equals(oscillation.series)
 
 
+@pytest.mark.parametrize(
+    ("call", "status", "told"),
+    [
+        ("sim.rank or sim.particles()", 1, "in one order: rank 0 calls particles(), rank 1 calls close()"),
+        ("sim.fields('rho' if sim.rank else 'phi')", 1, "rank 0 calls fields('phi'), rank 1 calls fields('rho')"),
+        ("sim.rank and time.sleep(1.5); sim.digest()", 0, "rank 0 of 2: digest() has waited for"),
+    ],
+)
+def test_ranks_that_do_not_make_the_same_call_are_told_and_none_waits_in_silence(tmp_path, call, status, told):
+    (tmp_path / "parts.py").write_text(f"""import time, hpcpic
+from hpcpic.core.comm import meeting
+meeting.TELL_SECONDS = 0.5
+with hpcpic.Case("plasma-oscillation").simulation(threads=1) as sim:
+    {call}
+""")
+    launcher = [str(Path(sys.executable).with_name("mpirun")), "-n", "2", sys.executable, "-m", "mpi4py"]
+    done = subprocess.run([*launcher, str(tmp_path / "parts.py")], capture_output=True, text=True, timeout=100)
+    assert (done.returncode != 0) == bool(status) and told in done.stderr, done.stderr
+
+
+TYPED = """
+from hpcpic.core.case.accelerations import register
+def push(x, v, t):
+    return 0.1, 0.0, 0.0
+register("push", push)
+"""
+
+
+@pytest.mark.parametrize("place", ["prompt", "module", "script"])
+def test_what_a_run_cannot_keep_of_a_program_is_told(tmp_path, place):
+    """A function that stands in no file; that of a module which the program imports is kept."""
+    run = f"""
+import hpcpic
+case = hpcpic.Case("plasma-oscillation").changed({{"simulation.cycles": 2, "species[0].acceleration": "push"}})
+run = case.run({str(tmp_path / "run")!r}, threads=1, quiet=True)
+assert list(run.summary["used"]) == {["mine.py"] if place == "module" else []}
+"""
+    (tmp_path / "mine.py").write_text(TYPED if place == "module" else TYPED + run)
+    words = {"prompt": ["-c", TYPED + run], "module": ["-c", "import mine" + run], "script": ["mine.py"]}[place]
+    done = subprocess.run([sys.executable, *words], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    told = {"prompt": "push: stands in a notebook or at the prompt", "script": "no restart can import it", "module": ""}
+    assert told[place] in done.stderr and ("restart" in done.stderr) == (place != "module")
+    again = subprocess.run(
+        [sys.executable, "-m", "hpcpic", "restart", str(tmp_path / "run"), "--set", "simulation.cycles=4"],
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert again.returncode == (0 if place == "module" else 2), again.stderr
+
+
 def test_a_restart_in_python_may_go_on_farther_and_changes_nothing_else(oscillation, tmp_path):
     run = cut_off(hpcpic.Case("plasma-oscillation").changed({"simulation.cycles": 6}), tmp_path / "run")
     for wrong, told in (
