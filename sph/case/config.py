@@ -245,8 +245,8 @@ class Gauge(Section):
     what: Literal["pressure", "wall-pressure", "velocity", "elevation", "front", "flow"] = setting(
         REQUIRED,
         "pressure or velocity at a point of the fluid, mean pressure on an area of wall since the last sample, height "
-        "of the surface above a point or of the bed where it is dry, farthest fluid along an axis, volume per time "
-        "through a section",
+        "of the surface above a point or of the bed where it is dry, farthest fluid along an axis (spray and what has "
+        "left a tank too), volume per time through a section",
     )
     at: Vector = setting((), "the point; wall-pressure and flow: the middle of the area or section", "m")
     axis: Direction | None = setting(
