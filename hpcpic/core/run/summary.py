@@ -242,7 +242,8 @@ def _beside(facts: Mapping[str, Any], measured: str, estimated: str, unit: str) 
 
 def _change(entry: Mapping[str, Any]) -> str:
     if is_dissipation(entry) and "relative" in entry:
-        return f"{(entry['first'] - entry['last']) / abs(entry['first']):.1%} of that at the start"
+        lost, first = entry["first"] - entry["last"], abs(entry["first"])
+        return f"{lost / first:.1%} of that at the start" if lost <= first else f"{lost:.3g} (absolute)"
     return f"{entry['relative']:.1e}" if "relative" in entry else f"{entry['change']:.1e} (absolute)"
 
 

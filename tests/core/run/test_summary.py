@@ -66,9 +66,12 @@ def test_dissipation_is_told_as_what_it_is_and_a_gain_is_not():
         conserved.add({"energy_total": value, "mass": 2.0})
     told = summary.render({**FACTS, "conservation": conserved.facts()})
     assert "conserved   mass 0.0e+00\n" in told and "dissipated  energy_total 40.0% of that at the start\n" in told
+    conserved.add({"energy_total": -40.0})
+    told = summary.render({**FACTS, "conservation": conserved.facts()})
+    assert "dissipated  energy_total 90 (absolute)\n" in told  # more than there was: no share of that
     conserved.add({"energy_total": 60.0})
     told = summary.render({**FACTS, "conservation": conserved.facts()})
-    assert "dissipated" not in told and "energy_total 4.0e-01" in told
+    assert "dissipated" not in told and "energy_total 1.8e+00" in told
 
 
 def test_compiling_is_a_section_of_its_own():
