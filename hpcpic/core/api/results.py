@@ -37,7 +37,9 @@ class Run:
         return cls(reader.open_run(os.fspath(folder), app.name), app)
 
     def __repr__(self) -> str:
-        return f"<{self._app.name} run {str(self.path)!r}: {self.status}, {self.summary.get('steps', 0)} steps>"
+        steps = self.summary.get("steps")  # which run.json tells when a run has ended
+        ended = "" if steps is None else f", {steps} steps"
+        return f"<{self._app.name} run {str(self.path)!r}: {self.status}{ended}>"
 
     @property
     def summary(self) -> dict[str, Any]:
