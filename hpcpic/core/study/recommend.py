@@ -213,7 +213,9 @@ class Recommendation:
         if there is none. Errors that grow towards finer sizes tell that a small one among them is chance.
         """
         search, sizes = self.search, run.proposal.sizes
-        measured = {f"the {words} neighbour": (run.beside[words], error) for words, error in run.neighbours.items()}
+        measured: dict[str, tuple[Mapping[str, float], float]] = {
+            f"the {words} neighbour": (run.beside[words], error) for words, error in run.neighbours.items()
+        }
         if not run.proposal.scheme.others:  # in which the levels were run
             for knob in search.knobs:
                 for level in search.levels[knob.name]:
@@ -221,8 +223,8 @@ class Recommendation:
                     words = f"the case with {knob.name} = {knob.shown(level.size):.4g}"
                     measured[words] = at, search.error(level.value)
         acting = [law.name for law in run.proposal.scheme.laws if not law.idle]
-        for words, (at, error) in measured.items():
-            ratios = [at[name] / sizes[name] for name in acting]
+        for words, (beside, error) in measured.items():
+            ratios = [beside[name] / sizes[name] for name in acting]
             finer = ratios and max(ratios) < SAME and min(ratios) < 1.0 / SAME
             if finer and not self.holds(error, tolerance):
                 return f"{words} is off by {percent(error)}: that this setting, which is coarser, is by less is luck"
