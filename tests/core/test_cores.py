@@ -4,12 +4,13 @@ import os
 
 import pytest
 
-from hpcpic.core import memory
+from hpcpic.core import cores, memory
+from hpcpic.core.comm.world import World
 from hpcpic.core.cores import allotted, crowded
 
 
 @pytest.mark.parametrize(
-    "groups, files, cores",
+    "groups, files, granted",
     [
         ("0::/job\n", {"job/cpu.max": "max 100000"}, 64),
         ("0::/job/step\n", {"job/cpu.max": "250000 100000"}, 2),  # of a group around it, in part
@@ -20,14 +21,21 @@ from hpcpic.core.cores import allotted, crowded
         ("3:cpu:/\n", {"cpu/cpu.cfs_quota_us": "-1", "cpu/cpu.cfs_period_us": "100000"}, 64),
     ],
 )  # fmt: skip
-def test_a_group_gives_no_more_cores_than_time(tmp_path, monkeypatch, groups, files, cores):
+def test_a_group_gives_no_more_cores_than_time(tmp_path, monkeypatch, groups, files, granted):
     monkeypatch.setattr(memory, "PROC", tmp_path)
     monkeypatch.setattr(memory, "CGROUPS", tmp_path / "groups")
     for name, text in {"self/cgroup": groups, **{f"groups/{name}": text for name, text in files.items()}}.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text + "\n" * (not text.endswith("\n")))
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(64)))
-    assert allotted() == cores and allotted(2) == min(2, cores)
+    assert allotted() == granted and allotted(2) == min(2, granted)
+
+
+def test_a_run_takes_no_more_threads_than_its_group_gives_time_of(monkeypatch):
+    monkeypatch.setattr(cores, "_quotas", lambda: [])
+    free = World.alone().default_threads()
+    monkeypatch.setattr(cores, "_quotas", lambda: [1.5])
+    assert free == len(os.sched_getaffinity(0)) and World.alone().default_threads() == 1
 
 
 def test_only_what_does_not_fit_is_crowded():

@@ -95,11 +95,13 @@ class World:
         return allotted(int(np.count_nonzero(self._ranks_on_core())))
 
     def default_threads(self) -> int:
-        """Threads per rank that fill the node; collective."""
+        """Threads per rank that fill what the node allots; collective."""
         ranks_on_core = self._ranks_on_core()
-        if ranks_on_core.max() == 1:
+        there = int(np.count_nonzero(ranks_on_core))
+        granted = allotted(there)
+        if granted == there and ranks_on_core.max() == 1:
             return len(self._cores)
-        return max(1, int(np.count_nonzero(ranks_on_core)) // self.node_size)
+        return max(1, granted // self.node_size)
 
     def _ranks_on_core(self) -> NDArray[np.int64]:
         """How many ranks of the node may use each core; collective."""
