@@ -10,11 +10,14 @@ import importlib
 import linecache
 import re
 import sys
+import threading
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 
 from hpcpic.core.simd.compile import EVERY, generated, program_of
+
+_importing = threading.RLock()  # a thread finds no module that another one has half executed
 
 
 def module_from_source(source: str, stem: str) -> ModuleType:
@@ -22,8 +25,11 @@ def module_from_source(source: str, stem: str) -> ModuleType:
     this text; tracebacks show its lines.
     """
     name = f"{stem}_{hashlib.sha256(source.encode()).hexdigest()[:32]}"
-    if name in sys.modules:
-        return sys.modules[name]
+    with _importing:
+        return sys.modules[name] if name in sys.modules else _executed(source, name)
+
+
+def _executed(source: str, name: str) -> ModuleType:
     generated[name] = _program_used(source)
     file = f"<{name}>"
     linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
