@@ -46,6 +46,8 @@ class Case:
     load_app: ClassVar[Callable[[], App]]
 
     def __init__(self, source: str | os.PathLike[str] | None = None, /, **sections: Any) -> None:
+        if isinstance(source, Mapping):
+            raise ConfigError("a case takes its sections by name: Case(simulation={...}, ...), or Case(**sections)")
         if (source is None) == (not sections):
             raise ConfigError("a case is made of a shipped name or a path, or else of the sections of a case file")
         self._source = None if source is None else os.fspath(source)

@@ -72,27 +72,27 @@ class Run:
 
     @property
     def field_names(self) -> tuple[str, ...]:
-        return tuple(self._files.field_snapshots.names)
+        return tuple(self._files.field_snapshots.names) if self._files.rundir.fields.exists() else ()
 
     @property
     def species(self) -> tuple[str, ...]:
         """The species, fluids and walls, or sets of grains that snapshots hold."""
-        return tuple(self._files.particle_snapshots.species)
+        return tuple(self._files.particle_snapshots.species) if self._files.rundir.particles.exists() else ()
 
     @property
     def field_times(self) -> list[float]:
         """Times of the snapshots of fields, s."""
-        return self._files.field_snapshots.times.tolist()
+        return self._files.field_snapshots.times.tolist() if self._files.rundir.fields.exists() else []
 
     @property
     def particle_times(self) -> list[float]:
         """Times of the snapshots of particles, s."""
-        return self._files.particle_snapshots.times.tolist()
+        return self._files.particle_snapshots.times.tolist() if self._files.rundir.particles.exists() else []
 
     def fields(self, name: str, *, time: float | None = None, step: int | None = None) -> xarray.DataArray:
         """A field at the snapshot nearest to a time, at a step, or at the last one, with the places of its points."""
         snapshots = self._files.field_snapshots
-        index = snapshots.index(step, time)
+        index = _index(snapshots, step, time)
         attributes = self._attributes(snapshots, index) | {"units": snapshots.units.get(name, "")}
         return arrays.field(
             name, snapshots.read(name, index), snapshots.spacing, snapshots.first, attributes
@@ -107,7 +107,7 @@ class Run:
             (name,) = snapshots.species
         if name is None:
             raise ConfigError(f"particles: name one of {', '.join(snapshots.species) or 'none'}")
-        index = snapshots.index(step, time)
+        index = _index(snapshots, step, time)
         units = {"position": "m", **snapshots.units}
         return arrays.particles(snapshots.read(name, index), units, self._attributes(snapshots, index))
 
@@ -197,6 +197,14 @@ def ended(code: int, folder: str | os.PathLike[str], app: App) -> Run:
 def threads_of(given: int | None) -> int | None:
     """Threads per rank; None for the default. Raises ConfigError."""
     return None if given is None else whole(given, "threads")
+
+
+def _index(snapshots: reader.Snapshots, step: int | None, time: float | None) -> int:
+    """Number of the snapshot at a step, nearest to a time, or the last one. Raises ConfigError and FileError."""
+    if step is not None and time is not None:
+        raise ConfigError("say step=N or time=T, not both")
+    step = None if step is None else whole(step, "step", 0)
+    return snapshots.index(step, None if time is None else finite(time, "time"))
 
 
 def _keep_nothing(given: Mapping[str, Any]) -> str:

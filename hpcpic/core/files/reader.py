@@ -197,12 +197,14 @@ class Run:
 
     @cached_property
     def field_snapshots(self) -> Fields:
+        if not self.rundir.fields.exists():
+            raise FileError(f"{self.path}: no fields.vtkhdf: the run has no snapshots of fields")
         return Fields(self.rundir.fields)
 
     @cached_property
     def particle_snapshots(self) -> Particles:
         if not self.rundir.particles.exists():
-            raise FileError(f"{self.path}: no particles.vtkhdf or grains.vtkhdf")
+            raise FileError(f"{self.path}: no particles.vtkhdf or grains.vtkhdf: the run has no snapshots of particles")
         return Particles(self.rundir.particles)
 
     def histogram(self, name: str) -> Histogram:

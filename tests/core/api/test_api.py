@@ -116,6 +116,38 @@ def test_a_figure_comes_as_an_object(oscillation):
         oscillation.plot("nonsense")
 
 
+@pytest.mark.parametrize(
+    ("when", "told"),
+    [
+        ({"time": "3"}, "time: a finite number"),
+        ({"time": float("nan")}, "time: a finite number"),
+        ({"step": 1.5}, "step: a whole number"),
+        ({"step": 0, "time": 0.0}, "step=N or time=T"),
+    ],
+)
+def test_snapshots_are_asked_for_by_a_step_or_a_time(oscillation, when, told):
+    for read in (partial(oscillation.fields, "rho"), oscillation.particles):
+        with pytest.raises(hpcpic.ConfigError, match=told):
+            read(**when)
+
+
+def test_simulations_in_two_threads_are_those_of_one(oscillation):
+    """Also where both make the kernels of a scene that the process has not seen."""
+    script = """
+import hpcpic
+from concurrent.futures import ThreadPoolExecutor
+case = hpcpic.Case("plasma-oscillation").changed({"simulation.cycles": 12})
+def digest(_):
+    with case.simulation(threads=1) as sim:
+        sim.advance()
+        return sim.digest()
+with ThreadPoolExecutor(3) as pool:
+    print(*set(pool.map(digest, range(6))))
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.stdout.split() == [oscillation.digest], done.stderr
+
+
 def test_a_case_made_of_keys_is_the_case_of_its_text(tmp_path):
     case = sph.Case(
         simulation={"dimensions": 2, "end_time": 0.1},
@@ -137,6 +169,7 @@ def test_a_case_made_of_keys_is_the_case_of_its_text(tmp_path):
         (lambda: sph.Case(fluid=[{"shpe": 1}]), r"sph.Case: fluid\[0\].shpe: unknown key; did you mean 'shape'"),
         (lambda: sph.Case(gravity=[0.0, {1, 2}]), r"gravity\[1\]: a case holds numbers"),
         (lambda: sph.Case(), "a case is made of"),
+        (lambda: sph.Case({"simulation": {"dimensions": 2}}), "takes its sections by name"),
     ],
 )
 def test_what_is_wrong_is_raised_in_the_words_of_the_command_line(make, told):
@@ -213,6 +246,9 @@ def test_particles_in_memory_have_all_digits_of_the_state(tmp_path):
     assert energy == pytest.approx(scalars["energy_kinetic"], rel=1e-12)
     kept = case.run(tmp_path / "run", threads=1, quiet=True).particles("water")
     assert kept["position"].equals(water["position"])
+    assert sph.open_run(tmp_path / "run").field_names == () and sph.open_run(tmp_path / "run").field_times == []
+    with pytest.raises(hpcpic.FileError, match="has no snapshots of fields"):
+        sph.open_run(tmp_path / "run").fields("pressure")
     for name in ("velocity", "pressure", "density", "mass"):
         assert kept[name].dtype == np.float32 and np.array_equal(kept[name], water[name].astype(np.float32))
 
