@@ -100,7 +100,7 @@ def test_who_accepts_a_limit_loses_no_run(finished):
     toy, _ = finished
     before = toy.facts("a")
     done = toy("run", "ring.conf", "-o", "a", "--force", courant=1.5)
-    assert done.returncode == 6 and "--replace (--force is for limits alone)" in done.stderr
+    assert done.returncode == 6 and "--replace, in Python replace=True (force is for limits alone)" in done.stderr
     assert toy.facts("a") == before
 
 
