@@ -202,8 +202,8 @@ def test_observers_look_at_whole_steps_or_times_from_0_on(when, told):
 
 def test_messages_call_a_change_as_python_does():
     case = hpcpic.Case("plasma-oscillation")
-    with pytest.raises(hpcpic.ConfigError, match=r"^changed: grid.pionts=3: grid.pionts: unknown key"):
-        case.changed({"grid.pionts": 3})
+    with pytest.raises(hpcpic.ConfigError, match=r"^changed: grid.pointz=3: grid.pointz: unknown key"):
+        case.changed({"grid.pointz": 3})
     with pytest.raises(hpcpic.ConfigError, match=r"^changed: simulation.time_step=100.0: simulation.time_step"):
         case.changed({"simulation.time_step": 100.0}).simulation()
 
