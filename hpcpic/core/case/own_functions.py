@@ -85,8 +85,10 @@ def _fault(
         compiled = numba.njit(function)
         compiled.compile(types)
     except Exception as error:  # of whatever kind: numba's, or of an attribute that a module lacks
-        lines = _LINE.findall(_COLOURS.sub("", str(error)))
-        place = getattr(error, "loc", None)
+        said = _COLOURS.sub("", str(error))
+        if "unify return type" in said:  # of several returns: numba names one of them by chance
+            return first, _sentence(error, function)
+        lines, place = _LINE.findall(said), getattr(error, "loc", None)
         return int(lines[-1]) if lines else getattr(place, "line", first), _sentence(error, function)
     result: Any = compiled.overloads[types]
     result = result.signature.return_type

@@ -99,7 +99,7 @@ def branches(x, v, t):
         (no_such_function, 0, "module 'numpy' has no attribute 'sine'"),
         (calls, 1, "write @numba.njit above that one"),
         (beyond, 1, "tuple index out of range"),
-        (branches, 2, "Can't unify return type"),
+        (branches, 0, "Can't unify return type"),
     ],
 )
 def test_a_mistake_in_an_acceleration_is_one_line_with_its_place(monkeypatch, function, line, told):
