@@ -22,11 +22,14 @@ ITERATION = 7  # word of a record
 
 
 class Message(NamedTuple):
-    """One message of a set: to or from `peer`, under `channel`; a C-contiguous array, or [address, count, datatype]."""
+    """One message of a set: to or from `peer`, under `channel`; a C-contiguous array, or [address, count, datatype] and
+    the arrays that lie there.
+    """
 
     peer: int
     channel: int
     buffer: NDArray | tuple[int, int, MPI.Datatype]
+    pieces: Sequence[NDArray] = ()
 
 
 @cache

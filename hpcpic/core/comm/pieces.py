@@ -26,7 +26,6 @@ class Pieces:
     """
 
     def __init__(self, world: World, sends: Sequence[Parcel], receives: Sequence[Parcel], stride: int = 1) -> None:
-        self._kept = (sends, receives)  # MPI holds their bare addresses
         self._types: list[MPI.Datatype] = []
         there, back = ([self._message(parcel) for parcel in parcels] for parcels in (sends, receives))
         self.messages = Messages(world.comm, sends=there, receives=back, stride=stride)
@@ -39,7 +38,8 @@ class Pieces:
         lengths = [piece.nbytes for piece in parcel.pieces]
         kind = MPI.BYTE.Create_hindexed(lengths, places).Commit()
         self._types.append(kind)
-        return Message(parcel.peer, parcel.channel, (0, 1, kind))  # MPI_BOTTOM: the type holds the addresses
+        whole = (0, 1, kind)  # MPI_BOTTOM: the type holds the addresses
+        return Message(parcel.peer, parcel.channel, whole, parcel.pieces)
 
     def free(self) -> None:
         """Release the types; no exchange may be under way."""
