@@ -255,7 +255,7 @@ def abridged(value: Any) -> str:
 
 def nearest_key(model: type[Section], path: Path) -> str:
     """The known key meant by the last one of `path`: what the field calls so, in its own group or, if no key has that
-    name, elsewhere; else the most like it in its own group, else one of that name anywhere.
+    name, elsewhere; else the most like it in its own group, one of that name anywhere, or one that is a word of it.
     """
     *groups, name = path
     own = model
@@ -272,6 +272,11 @@ def nearest_key(model: type[Section], path: Path) -> str:
     near = difflib.get_close_matches(str(name), own.model_fields, 1, 0.6)
     if near:
         return f"; did you mean {near[0]!r}?"
+    if not elsewhere:
+        words = {*str(name).lower().split("_")}  # magnetic_field: field.magnetic, not output.sampling_period.field
+        parts = {key: key.split(".") for key in keys_of(model)}
+        among = [key for key in parts if parts[key][-1] in words]
+        elsewhere = sorted(among, key=lambda key: -len(words.intersection(parts[key])))
     outside = " outside of all groups" if elsewhere and "." not in elsewhere[0] else ""
     return f"; did you mean {elsewhere[0]!r}{outside}?" if elsewhere else ""
 

@@ -96,6 +96,11 @@ def test_a_wrong_word_is_answered_with_the_nearest():
     assert faults_of('group = { colour = "GREEN"; };')[0].endswith("(got 'GREEN'); did you mean 'green'?")
 
 
+def test_a_key_named_with_its_group_is_found_there():
+    (message,) = faults_of('title = "t"; inner_group_colour = 1;')
+    assert message.endswith("did you mean 'group.colour'?")
+
+
 def test_a_group_where_a_value_belongs_and_the_reverse():
     (first,) = faults_of("title = { a = 1; };")
     assert first.endswith('title: must be a text in " " (got a group { })')
