@@ -5,7 +5,6 @@ Lines of theory are drawn dashed and dark; what was measured is coloured.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
@@ -40,6 +39,7 @@ from hpcpic.plasma.analysis.particle_plots import (
 )
 from hpcpic.plasma.analysis.predictions import beams, compare_mode, config_of, predict
 from hpcpic.plasma.case.config import PlasmaConfig, mode_columns
+from hpcpic.plasma.forecast.derived import fastest_turn
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -209,7 +209,7 @@ def spectrum(run: Run, step: int | None = None) -> Figure:
         shown = np.log10(power + 1e-300)
         top = shown[np.ix_(omega <= high, (k > 0) & (k <= right))].max()
         mesh = axes.pcolormesh(k[1:], omega, shown[:, 1:], vmin=top - 6, vmax=top, cmap="magma", rasterized=True)
-        axes.scatter(*_branches(species, np.linspace(k[1], right, 80)), s=3, color="white", linewidths=0)
+        axes.scatter(*_branches(config_of(run), np.linspace(k[1], right, 80), high), s=3, color="white", linewidths=0)
         axes.axhline(wp, color="white", linewidth=0.8, alpha=0.6)
         label = {"xytext": (-4, 4), "textcoords": "offset points", "ha": "right", "color": "white"}
         axes.annotate(r"$\omega_p$", (right, wp), **label)
@@ -220,12 +220,17 @@ def spectrum(run: Run, step: int | None = None) -> Figure:
         return figure
 
 
-def _branches(species: Sequence[theory.Beam], waves: np.ndarray) -> tuple[list[float], list[float]]:
-    """k and omega of the waves of cold species that do not grow, or of one warm species by Landau's root while damping
-    is weak.
+def _branches(config: PlasmaConfig, waves: np.ndarray, high: float) -> tuple[list[float], list[float]]:
+    """k along x and omega up to `high` of the waves of cold species that do not grow, or of one warm species: Landau's
+    root while damping is weak, Bernstein's across a magnetic field. None where the field is oblique.
     """
+    species, (along, *across) = beams(config), config.field.magnetic
     found: list[tuple[float, float]] = []
-    if all(b.thermal_velocity == 0.0 for b in species):
+    if any(across):
+        if len(species) == 1 and not along and not species[0].drift:
+            wc = fastest_turn(config)
+            found = [(k, w) for k in waves for w in theory.bernstein(k, species[0], wc, high)]
+    elif all(b.thermal_velocity == 0.0 for b in species):
         for k in waves:
             found += [(k, abs(w.real)) for w in theory.cold_roots(k, species) if abs(w.imag) < 1e-6 * abs(w)]
     elif len(species) == 1:

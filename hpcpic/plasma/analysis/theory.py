@@ -5,6 +5,7 @@ rad/m, or all of them normalised. Waves are exp(i k x - i omega t): a positive i
 
 Sources
 * Landau (1946); Fried & Conte, The Plasma Dispersion Function (1961): Z' and the roots of a Maxwellian.
+* Bernstein, Phys. Rev. 109, 10 (1958): waves of a warm plasma across a magnetic field.
 * Birdsall & Langdon, Plasma Physics via Computer Simulation (1985), chapters 4, 5, 8: leapfrog, cold beams,
   and the dispersion of the particle-mesh scheme with its aliases.
 """
@@ -119,6 +120,28 @@ def landau(k_lambda_d: float) -> complex:
             omega = np.sqrt(1.0 + 3.0 * k * k) - 1e-9j
         omega = root_near(omega, lambda w, k=k: 1.0 - susceptibility(w, k, beam))  # type: ignore[misc]
     return omega
+
+
+def bernstein(k: float, beam: Beam, cyclotron_frequency: float, most: float) -> list[float]:
+    """Frequencies up to `most` of the waves across a magnetic field of a Maxwellian at rest: one between any two
+    harmonics of its cyclotron frequency. Without spread, the upper hybrid frequency alone.
+    """
+    from scipy.optimize import brentq
+    from scipy.special import ive
+
+    wp, wc = beam.plasma_frequency, cyclotron_frequency
+    larmor2 = (k * beam.thermal_velocity / wc) ** 2
+    if larmor2 == 0.0:
+        return [float(np.hypot(wp, wc))]
+    harmonics = np.arange(1, 20 + int(most / wc) + int(larmor2 + 6 * np.sqrt(larmor2)))
+    weights = 2.0 * (wp / wc) ** 2 * harmonics**2 * ive(harmonics, larmor2) / larmor2
+
+    def permittivity(x: float) -> float:
+        return 1.0 - float(np.sum(weights / (x * x - harmonics**2)))
+
+    between = [n for n in range(1, int(most / wc) + 1) if weights[n - 1 : n + 1].min() > 1e-6]  # weaker ones touch none
+    found = [wc * brentq(permittivity, n * (1 + 1e-9), (n + 1) * (1 - 1e-9)) for n in between]
+    return [omega for omega in found if omega <= most]
 
 
 def unstable_root(k: float, beams: Sequence[Beam]) -> complex:

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 
 from hpcpic.plasma.analysis import theory
 from hpcpic.plasma.analysis.theory import Beam, Mesh
@@ -37,6 +38,23 @@ def test_landau_roots(k):
 def test_landau_root_solves_its_equation_beyond_the_table():
     omega = theory.landau(1.7)
     assert abs(1.0 - theory.susceptibility(omega, 1.7, (Beam(1.0, 0.0, 1.0),))) < 1e-12
+
+
+@pytest.mark.parametrize("k, vth, wc", [(0.4, 0.5, 0.5), (1.0, 1.0, 0.3), (3.0, 0.2, 2.0)])
+def test_waves_across_a_magnetic_field_solve_the_integral_over_a_turn(k, vth, wc):
+    """Stix 1992, chapter 11: the sum over harmonics as an integral over the angle."""
+    found = theory.bernstein(k, Beam(1.0, 0.0, vth), wc, most=6.5 * wc)
+    assert [int(omega / wc) for omega in found] == list(range(1, len(found) + 1)) and len(found) >= 2
+    larmor2 = (k * vth / wc) ** 2
+    for x in np.array(found) / wc:
+        turn = quad(lambda a, x=x: np.exp(-larmor2 * (1 + np.cos(a))) * np.cos(x * a), 0, np.pi, epsabs=1e-13)[0]
+        assert x / np.sin(np.pi * x) * turn == pytest.approx(1 + (k * vth) ** 2, rel=1e-7)
+
+
+def test_long_waves_across_a_magnetic_field_are_the_upper_hybrid():
+    cold, warm = (theory.bernstein(1e-3, Beam(1.0, 0.0, vth), 0.7, 2.0) for vth in (0.0, 1.0))
+    assert cold == [math.hypot(1.0, 0.7)]
+    assert min(abs(omega - cold[0]) for omega in warm) < 1e-5
 
 
 def test_weakly_damped_wave_is_bohm_and_gross():

@@ -159,6 +159,23 @@ species = ( SPECIES );
 GAS = '{ particles = N; charge = 0.0; mass = 1.0; init_method = "random position"; thermal_velocity = 1.0 }'
 
 
+ALONG, ACROSS, OBLIQUE = ((0.3, 0.0, 0.0),), ((0.0, 0.0, 0.7), (0.0, 0.7, 0.0)), ((0.3, 0.0, 0.7),)
+
+
+@pytest.mark.parametrize("magnetic, drawn", [*((b, True) for b in ALONG + ACROSS), *((b, False) for b in OBLIQUE)])
+def test_the_branches_of_a_spectrum_know_the_magnetic_field(magnetic, drawn, tmp_path):
+    electrons = '{ particles = 64; charge = -1.0; mass = 1.0; plasma_frequency = 1.0; thermal_velocity = 0.5; }'
+    text = BARE.replace("POINTS", "8").replace("SPECIES", electrons) + f"field = {{ magnetic = {list(magnetic)}; }};"
+    (tmp_path / "case.conf").write_text(text)
+    axes = PLOTS["spectrum"].make(open_run(make_run(tmp_path / "case.conf", tmp_path / "a")), None).axes[0]
+    k, omega = axes.collections[1].get_offsets().T
+    assert (len(k) > 0) == drawn
+    if drawn and magnetic[0]:  # along k it leaves the wave alone
+        np.testing.assert_allclose(omega, [theory.landau(0.5 * kappa).real for kappa in k], rtol=1e-12)
+    elif drawn:
+        assert len({int(w / 0.7) for w in omega}) > 2 and omega.min() > 0.7
+
+
 @pytest.mark.parametrize("points, numbers", [(8, (30, 0)), (8, (0,)), (1, (3,)), (8, (4,) * 9)])
 def test_scenes_without_charge_or_particles_or_mesh_have_figures_or_say_why_not(points, numbers, tmp_path):
     text = BARE.replace("POINTS", str(points)).replace("SPECIES", ", ".join(GAS.replace("N", str(n)) for n in numbers))
