@@ -1,12 +1,46 @@
 """Fluid that went through a wall."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
+from sph.case import geometry
+from sph.kernels import readings
 from sph.particles.storage import Slots, Storage
 from sph.particles.walls import Walls
 from sph.setup.scene import Wall
-from sph.setup.tanks import depth_in_wall, sides
+from sph.setup.tanks import depth_in_wall, greatest_depth, sides
+
+UNKNOWN, SAFE, NEAR = 0, 1, 2  # of a cell: not asked yet; nobody in it is behind the wall; somebody in it may be
+MOST_CELLS = 1 << 26  # bytes of address space; of a wall with more the cells are larger
+ROUNDING = 1e-6  # of a spacing
+
+
+class Cells:
+    """Cubes of a spacing in the box around a wall at rest, and what is known of each: no depth changes by more than the
+    way from one point to another, so that most cells are safe by the depth of their middles. They are asked when fluid
+    first comes into them.
+    """
+
+    def __init__(self, wall: Wall) -> None:
+        self.wall, dp, d = wall, wall.scene.spacing, wall.scene.dimensions
+        low, high = map(np.array, wall.corners if wall.shape.plane else geometry.bounds(wall.shape))
+        self.low, self.edge, extent = low, dp, high - low
+        while math.prod(np.ceil(extent / self.edge).tolist()) > MOST_CELLS:
+            self.edge *= 2.0
+        self.counts = np.ceil(extent / self.edge).astype(np.int64).clip(1)
+        self.known = np.zeros(math.prod(self.counts.tolist()), np.uint8)
+        self.reach = math.sqrt(d) / 2 * self.edge + ROUNDING * dp
+        self.solid = wall.section.solid and not wall.shape.plane
+
+    def near(self, cells: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Which of some cells [n] are not safe; -1, beyond the box, is not."""
+        new = np.unique(cells[(cells >= 0) & (self.known[cells] == UNKNOWN)])
+        middles = self.low + (np.stack(np.unravel_index(new, tuple(self.counts)), axis=1) + 0.5) * self.edge
+        safe = greatest_depth(self.wall, middles) + self.reach <= self.wall.scene.spacing
+        self.known[new] = np.where(safe, SAFE, NEAR)
+        return (cells < 0) | (self.known[cells] != SAFE)
 
 
 class LeakFinder:
@@ -15,6 +49,8 @@ class LeakFinder:
     def __init__(self, storage: Storage, walls: Walls) -> None:
         self.storage, self.walls, self.scene = storage, walls, storage.scene
         self.sides = [(wall.index, side) for wall in self.scene.walls for side in sides(wall)]
+        self.cells = [Cells(wall) for wall in self.scene.walls]
+        self._room = 256  # for suspects
         self.found: str | None = None
 
     def look(self, box: list[tuple[float, float]]) -> None:
@@ -33,8 +69,7 @@ class LeakFinder:
         """What to say of the fluid that is more than a spacing behind a wall now, on this rank; None: there is none."""
         scene, storage = self.scene, self.storage
         for wall in scene.walls:
-            shift = self.walls.displacement[wall.index]
-            near = self._suspects(wall, shift)
+            near = self.suspects(wall)
             if not len(near):
                 continue
             x = storage.physical("x", near)
@@ -45,14 +80,16 @@ class LeakFinder:
                 return f"{len(lost)} particles went through {wall.name}, as {one}"
         return None
 
-    def _suspects(self, wall: Wall, shift: NDArray[np.float64]) -> Slots:
-        """Slots of fluid that may be behind a wall: not inside a tank that is a box, nor outside the box of a solid."""
-        scene, fluid, box = self.scene, self.storage.fluid_slots, wall.shape.box
-        if not box or wall.rigid:
-            return fluid
-        low, high = (np.array(corner) + shift - scene.low for corner in (box.low, box.high))
-        inside = np.ones(len(fluid), bool)
-        for axis, physical in enumerate(scene.axes):
-            x = self.storage.x[axis, fluid]
-            inside &= (x > low[physical]) & (x < high[physical])
-        return fluid[inside == wall.section.solid]
+    def suspects(self, wall: Wall) -> Slots:
+        """Slots of the fluid that may be behind a wall now."""
+        storage, scene, d, known = self.storage, self.scene, self.scene.dimensions, self.cells[wall.index]
+        ends = np.concatenate([np.zeros((1, d)), np.eye(d)[list(scene.axes)]])  # of the axes of the storage
+        start, *axes = (self.walls.at_rest(wall, scene.low + ends) - known.low) / known.edge
+        turn = np.ascontiguousarray(np.transpose(axes - start))
+        while True:
+            slots, cells = np.empty((2, self._room), np.int64)
+            where = known.counts, known.known, known.solid, slots, cells
+            n = readings.unsafe(storage.end, storage.flags, storage.x, turn, start, *where)
+            if n <= self._room:
+                return slots[:n][known.near(cells[:n])]
+            self._room = 2 * n

@@ -1,4 +1,4 @@
-"""Searches among the bodies of a rank, in slots up to `end`: the edge of the fluid, spray, and walls."""
+"""Searches among the bodies of a rank, in slots up to `end`: the edge of the fluid, spray, leaks, and walls."""
 
 import numpy as np
 
@@ -80,6 +80,32 @@ def with_few(end, flags, key, x, slots, support, most, found):
             if count > most:
                 break
         found[n] = count <= most
+
+
+@njit
+def unsafe(end, flags, x, turn, start, counts, known, solid, slots, cells):
+    """Find own fluid that is in no cell with known[cell] = 1: its slots and cells, as many as there is room for in
+    slots[n], cells[n]. Places in edges of cells are start[d] + turn[d, d] x. Beyond all of counts[d] cells nobody is
+    found around a solid, and everybody elsewhere, in cell -1. Returns how many there are.
+    """
+    n, d = 0, counts.size
+    for s in range(end):
+        if flags[s] & MINE != MINE:
+            continue
+        cell = 0
+        for k in range(d):
+            place = start[k]
+            for j in range(d):
+                place += turn[k, j] * x[j, s]
+            if not 0.0 <= place < counts[k]:
+                cell = -1
+                break
+            cell = cell * counts[k] + int(place)
+        if known[cell] != 1 if cell >= 0 else not solid:
+            if n < slots.size:
+                slots[n], cells[n] = s, cell
+            n += 1
+    return n
 
 
 @njit

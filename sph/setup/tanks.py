@@ -63,7 +63,7 @@ def depth_in_solid(wall: Tank, x: NDArray) -> NDArray[np.float64]:
     """How deep points lie in a solid, m, as in `behind`; negative outside. A box of which faces are left out is as
     thick as its particles: fluid can come into its hollow over the edges.
     """
-    depth, box = -signed_distance.signed_distance(wall.shape, x, REACH * wall.scene.spacing), wall.shape.box
+    depth, box = greatest_depth(wall, x), wall.shape.box
     if not box or not box.open:
         return depth
     thick = wall.layers * wall.scene.spacing
@@ -73,6 +73,15 @@ def depth_in_solid(wall: Tank, x: NDArray) -> NDArray[np.float64]:
 def depth_in_wall(wall: Tank, x: NDArray) -> NDArray[np.float64]:
     """How deep points lie in a wall of any kind, m; negative outside."""
     return (depth_in_solid if wall.section.solid or wall.shape.plane else depth_in)(wall, x)
+
+
+def greatest_depth(wall: Tank, x: NDArray) -> NDArray[np.float64]:
+    """What the depth of points in a wall of any kind is at most, m, edges or not: it does not change by more than the
+    way from one point to another.
+    """
+    if wall.section.solid or wall.shape.plane:
+        return -signed_distance.signed_distance(wall.shape, x, REACH * wall.scene.spacing)
+    return behind(wall, x)
 
 
 def beyond(wall: Tank, x: NDArray, faces: set[str]) -> NDArray[np.float64]:
