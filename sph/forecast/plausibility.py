@@ -96,7 +96,7 @@ def directions(config: SphConfig) -> Iterator[Derived]:
 
 def jumps(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     """Walls so fast that they are behind fluid before it has met them, that swing as fast as sound crosses it, or whose
-    path has corners.
+    speed jumps.
     """
     dt = stability.time_step(config)
     boxes = [geometry.bounds(fluid.shape) for fluid in config.fluid]
@@ -115,14 +115,14 @@ def jumps(config: SphConfig, scene: Scene) -> Iterator[Derived]:
             cure = "" if verdict == "ok" else f"{LONGEST_WAY * config.numerics.spacing / dt:.3g} m/s or less"
             yield Derived(f"way of {wall.name} in a step", "v dt/dp", way, "", f"<= {LONGEST_WAY:g}", verdict,
                           "it jumps over fluid", cure, ("wall", i, "motion"), True)  # fmt: skip
-        if wall.motion and wall.motion.path:
-            pressure = scene.rho0 * config.sound_speed * speed_jump(wall.motion, config.simulation.end_time)
+            jump = speed_jump(scene.walls[i], config.simulation.end_time)
+            pressure = scene.rho0 * config.sound_speed * jump
             most = LARGEST_JUMP * scene.rho0 * (config.eos.max_velocity or speed_scale(config)) ** 2
             verdict = "ok" if pressure <= most else "warn"
             cure = "" if verdict == "ok" else "a smooth path, with more points, also from and to rest"
+            source = f"{jump:.3g} m/s at once, {jump / config.sound_speed:.2g} c0; none where it slides along fluid"
             yield Derived(f"impact by jumps of the speed of {wall.name}", "rho c0 dv", pressure, "Pa", f"<= {most:.3g}",
-                          verdict, "straight lines between points; none where it slides along fluid", cure,
-                          ("wall", i, "motion", "path"))  # fmt: skip
+                          verdict, source, cure, ("wall", i, "motion"))  # fmt: skip
 
 
 def depths(config: SphConfig, scene: Scene) -> Iterator[Derived]:

@@ -2,11 +2,13 @@
 
 import itertools
 import math
+from typing import Any
 
 from sph.case import geometry
 from sph.case.config import AXES, Fluid, Motion, SphConfig, Wall
 from sph.case.openings import Inlet
 from sph.setup import flows
+from sph.setup.tanks import slides
 
 PEAKS = {"uniform": 1.0, "parabolic": 1.5}  # largest velocity of a profile over the mean one
 
@@ -60,15 +62,15 @@ def motion_speed(motion: Motion) -> float:
     return max([geometry.length(motion.velocity), swing, *steps])
 
 
-def speed_jump(motion: Motion, end: float) -> float:
-    """Largest change of the velocity of a wall at a point of its path until a time in s, m/s. It rests before the first
-    point, which may be at t = 0, but for a way from where it is, and after the last one.
+def speed_jump(wall: Any, end: float) -> float:
+    """Largest change of the velocity of a wall until a time in s, m/s, but for those in which it only slides along the
+    fluid. Before t = 0 it rests, or goes with a fluid that starts with its velocity.
     """
-    places = [(place.time, place.displacement) for place in motion.path]
-    still = (0.0,) * len(places[0][1])
-    if places[0][0] > 0.0:
-        places.insert(0, (0.0, still))
-    ways = [tuple((q - p) / (b - a) for p, q in zip(x, y)) for (a, x), (b, y) in itertools.pairwise(places)]
-    velocities = [still, *ways, still]
-    corners = zip(places, itertools.pairwise(velocities))
-    return max((math.dist(*meeting) for (t, _), meeting in corners if t <= end), default=0.0)
+    motion, changes = wall.section.motion, []
+    for t in {0.0, motion.start, motion.stop, *(place.time for place in motion.path)} - {None}:
+        after, before = (wall.motion(at)[1] for at in (t, math.nextafter(t, -math.inf)))
+        fluids = [fluid.velocity for fluid in wall.scene.config.fluid] if t == 0.0 and any(after) else []
+        ways = [after - start for start in (before, *fluids)]
+        if t <= end and not any(slides(wall, way) for way in ways):
+            changes.append(min(geometry.length(way) for way in ways))
+    return max(changes, default=0.0)

@@ -16,6 +16,7 @@ from sph.setup import signed_distance
 
 LEAST_ALONG = 0.1  # cosine between the axis of an area and the normal of its wall
 REACH = 2.0  # spacings: nobody asks more of depths than whether they are beyond one, or which of two is nearer
+TINY = 1e-6  # of a length, for rounding
 HALVINGS = 50  # of an eighth of a spacing: to rounding
 
 
@@ -201,6 +202,31 @@ def moves_across(wall: Tank, along: int) -> bool:
         return False
     ways = motion.velocity, motion.amplitude, *(place.displacement for place in motion.path)
     return any(step for way in ways for k, step in enumerate(way) if k != along)
+
+
+def slides(wall: Tank, way: NDArray[np.float64]) -> bool:
+    """Whether a wall that goes along a direction slides along the fluid beside it: a plane in itself, a hollow with its
+    open ends ahead, a solid box without fluid at t = 0 before and behind it.
+    """
+    box, plane = wall.shape.box, wall.shape.plane
+    if not box:
+        return plane is not None and bool(abs(np.dot(plane.normal, way)) <= TINY * np.linalg.norm(way))
+    axes = [k for k in np.flatnonzero(way).tolist() if {AXES[k] + "-", AXES[k] + "+"} & wall.closed]
+    if not axes or not wall.section.solid:
+        return not axes
+    fluids, reach = [geometry.bounds(fluid.shape) for fluid in wall.scene.config.fluid], wall.scene.support
+    low, high, tiny = np.array(box.low), np.array(box.high), TINY * reach
+
+    def wet(first: NDArray, last: NDArray) -> bool:
+        return any(np.all(first + tiny < b) and np.all(last - tiny > a) for a, b in fluids)
+
+    for k in axes:
+        before, behind = high.copy(), low.copy()
+        before[k], behind[k] = low[k], high[k]
+        step = reach * np.eye(len(way))[k]
+        if wet(low - step, before) or wet(behind, high + step):
+            return False
+    return wet(low - reach, high + reach)
 
 
 def free_way(walls: Sequence[Tank], start: NDArray, way: NDArray, reach: float, spacing: float) -> float:

@@ -317,3 +317,39 @@ def test_the_impact_of_a_path_is_that_of_its_sharpest_corner_and_falls_with_its_
     assert number.value == pytest.approx(1000.0 * c0 * 0.5 / 0.4)  # from rest, along a slope: 1.25 m/s
     coarse, fine = (told(wall=gate(swing(n)))[name].value for n in (50, 100))
     assert coarse / fine == pytest.approx(2.0, rel=0.01)
+
+
+BESIDE = "low = [1.0, 0.0]; high = [1.1, 0.9];"  # of water that ends at x = 1
+HOLLOW = 'low = [0.2, 0.0]; high = [0.6, 0.9]; open = ["y-", "y+"];'
+
+
+@pytest.mark.parametrize("shape, motion, speed", [
+    (f"box = {{ {BESIDE} }};", "velocity = [0.3, 0.0];", 0.3),
+    (f"box = {{ {BESIDE} }};", "velocity = [0.3, 0.4];", 0.5),
+    (f"box = {{ {BESIDE} }};", "amplitude = [0.1, 0.0]; period = 0.5;", 0.4 * math.pi),
+    (f"box = {{ {BESIDE} }};", "velocity = [-0.3, 0.0]; amplitude = [0.2, 0.0]; period = 4.0;", 0.3 - 0.1 * math.pi),
+    (f"box = {{ {BESIDE} }};", "velocity = [0.3, 0.0]; start = 0.2; stop = 0.6;", 0.3),
+    (f"box = {{ {BESIDE} }};", "velocity = [0.3, 0.0]; start = 2.0;", 0.0),  # when all is over
+    (f"box = {{ {BESIDE} }};", "velocity = [0.0, 3.0];", 0.0),  # along the water
+    (f"box = {{ {HOLLOW} }};", "velocity = [0.0, 3.0];", 0.0),
+    (f"box = {{ {HOLLOW} }};", "velocity = [0.3, 0.4];", 0.5),
+    ("plane = { point = [0.0, 0.0]; normal = [0.6, 0.8]; };", "velocity = [0.8, -0.6];", 0.0),
+    ("plane = { point = [0.0, 0.0]; normal = [0.6, 0.8]; };", "velocity = [0.6, 0.8];", 1.0),
+    ("sphere = { centre = [0.5, 0.2]; radius = 0.1; };", "velocity = [0.3, 0.4];", 0.5),
+])  # fmt: skip
+def test_a_wall_that_starts_at_full_speed_has_the_impact_of_a_jump_but_where_it_slides(shape, motion, speed):
+    wall = f'{PARTS["wall"][:-1]}, {{ name = "gate"; solid = true; shape = {{ {shape} }}; motion = {{ {motion} }}; }} )'
+    number, c0 = told(wall=wall)["impact by jumps of the speed of gate"], told()["sound speed"].value
+    assert number.value == pytest.approx(1000.0 * c0 * abs(speed), rel=1e-9, abs=1e-9)
+    assert number.verdict == ("ok" if abs(speed) < 0.05 * told()["sound speed"].value / 10 else "warn")
+
+
+def test_a_tank_that_moves_with_its_water_makes_no_sound():
+    shape = PARTS["wall"][PARTS["wall"].index("shape") : -4]
+    wall = f'( {{ name = "gate"; motion = {{ velocity = [0.5, 0.2]; }}; {shape} }} )'
+    name, c0 = "impact by jumps of the speed of gate", told()["sound speed"].value
+    assert told(wall=wall)[name].value == pytest.approx(1000.0 * c0 * math.hypot(0.5, 0.2))
+    for velocity, speed in (("[0.5, 0.2]", 0.0), ("[0.5, 0.0]", 0.2)):
+        water = PARTS["fluid"].replace("shape", f"velocity = {velocity}; shape", 1)
+        number, c0 = told(fluid=water, wall=wall)[name], told(fluid=water, wall=wall)["sound speed"].value
+        assert number.value == pytest.approx(1000.0 * c0 * speed, abs=1e-9)
