@@ -23,6 +23,7 @@ Found = tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]
 Box = tuple[NDArray, NDArray] | None
 Test = Callable[[NDArray], NDArray[np.bool_]]
 CHUNK = 1 << 18
+LONGEST = 1.1  # spacings between particles of a solid: still water leaks through two layers that are 1.2 apart
 ENDLESS = 4.0  # diagonals of the domain that a plane goes on beyond it
 
 
@@ -85,9 +86,10 @@ def flagged(grid: Grid, box: Box, bad: Test) -> NDArray[np.int64]:
     return np.concatenate(found)
 
 
-def even(low: float, high: float, spacing: float) -> NDArray[np.float64]:
-    """Middles of equal pieces of [low, high], each about `spacing` long."""
+def even(low: float, high: float, spacing: float, longest: float = math.inf) -> NDArray[np.float64]:
+    """Middles of equal pieces of [low, high], each about `spacing` long, none longer than so many of it."""
     n = geometry.count(high - low, spacing)
+    n += (high - low) / n > longest * spacing
     return low + (np.arange(n, dtype=np.float64) + 0.5) * ((high - low) / n)
 
 

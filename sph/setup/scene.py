@@ -27,6 +27,7 @@ from sph.setup.obstacles import DOMAIN, obstacles
 from sph.setup.openings import Sink, Source
 from sph.setup.particle_lattices import (
     ENDLESS,
+    LONGEST,
     PART,
     Face,
     Filled,
@@ -185,7 +186,9 @@ class Wall:
     def _grid(self, ends: int = 0) -> Grid:
         """The lattice that holds the particles of what is round, or of a solid; `ends`: so many spacings farther."""
         dp, more = self.scene.spacing, np.arange(1, ends + 1) * self.scene.spacing
-        if self.section.solid:
+        if self.section.solid and self.shape.box:
+            lines = [even(a, b, dp, LONGEST) for a, b in zip(*geometry.bounds(self.shape))]
+        elif self.section.solid:
             lines = list(grid_of(self.shape, dp).coordinates)
         else:
             lines = [even(a, a + dp * math.ceil((b - a) / dp), dp) for a, b in zip(*self.bounds)]

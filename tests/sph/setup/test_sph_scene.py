@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from sph_scenes import config
 
 from hpcpic.core.case.config import loads
 from sph.configure import configure
@@ -278,3 +279,18 @@ def test_fluid_is_before_a_plane_and_its_particles_behind():
     scene = plane_scene((0.0, 0.0, 1.0), "[0.0, 0.0, 0.1]")
     assert scene.fluid(np.arange(scene.n_fluid))["x"][:, 2].min() == pytest.approx(0.125)
     assert scene.walls[0].near(*scene.walls[0].bounds)[1][:, 2].max() == pytest.approx(0.075)
+
+
+@pytest.mark.parametrize("kind", ["extrapolated-free-slip", "pressure-continuity"])
+@pytest.mark.parametrize("thick", [1.0, 1.4, 2.0, 2.3, 2.4, 2.5, 3.4, 4.4, 4.6, 5.0, 5.7])
+def test_layers_of_a_thin_solid_are_not_drawn_apart(kind, thick):
+    """Two that were 1.2 spacings apart let still water through; whole spacings have as many layers."""
+    shape = f"box = {{ low = [1.0, 0.0]; high = [{1.0 + 0.1 * thick}, 1.0]; }};"
+    gate = f'wall = ( {{ solid = true; type = "{kind}"; shape = {{ {shape} }}; }} );'
+    wall = Scene(config(size=(3.0, 1.0), spacing=0.1, more=gate)).walls[0]
+    places = np.unique(np.round(wall.near(*wall.bounds)[1][:, 0], 9))
+    half = 0.05 * thick / len(places)
+    assert places[[0, -1]] == pytest.approx([1.0 + half, 1.0 + 0.1 * thick - half])
+    assert np.diff(places).max(initial=0.0) < 0.1101 and thick < 1.101 * len(places)
+    if round(thick) == thick:
+        assert len(places) == thick
