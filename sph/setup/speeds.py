@@ -67,10 +67,11 @@ def speed_jump(wall: Any, end: float) -> float:
     fluid. Before t = 0 it rests, or goes with a fluid that starts with its velocity.
     """
     motion, changes = wall.section.motion, []
-    for t in {0.0, motion.start, motion.stop, *(place.time for place in motion.path)} - {None}:
+    times = {0.0, motion.start, motion.stop, *(place.time for place in motion.path)} - {None}
+    for t in (t for t in times if t <= end):
         after, before = (wall.motion(at)[1] for at in (t, math.nextafter(t, -math.inf)))
         fluids = [fluid.velocity for fluid in wall.scene.config.fluid] if t == 0.0 and any(after) else []
         ways = [after - start for start in (before, *fluids)]
-        if t <= end and not any(slides(wall, way) for way in ways):
+        if not any(slides(wall, way) for way in ways):
             changes.append(min(geometry.length(way) for way in ways))
     return max(changes, default=0.0)
