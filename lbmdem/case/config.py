@@ -13,7 +13,7 @@ from hpcpic.core.case.accelerations import MEANING
 from hpcpic.core.case.config import Tree
 from hpcpic.core.case.gauge import Gauge
 from hpcpic.core.case.schema import REQUIRED, Lengths, Section, Vector, as_tuple, setting
-from hpcpic.core.case.words import one_period, one_viscosity
+from hpcpic.core.case.words import one_of, one_period, one_viscosity
 from hpcpic.core.files.start import Start, arrays, attach
 from hpcpic.core.physics.contact_law import ContactLaw
 from lbmdem.physics.contact_law import stable_step
@@ -355,6 +355,7 @@ class LbmDemConfig(Section):
         fluids = [("fluid",)] if isinstance(tree.data.get("fluid"), dict) else []
         one_viscosity(tree, fluids, "kinematic_viscosity", FluidSection.model_fields["density"].default)
         one_period(tree, Period.model_fields)
+        one_of(tree, [("fluid", word) for word in ("relaxation_time", "time_step")])
         attach(tree, ("fluid", "start"))
         attach(tree, ("grains", "start"))
 

@@ -25,8 +25,6 @@ def faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:
         yield from dry_faults(config)
     elif config.domain.spacing is None:
         yield ("domain", "spacing"), "is missing: the distance of the lattice nodes, m"
-    elif fluid.relaxation_time is not None and fluid.time_step is not None:
-        yield ("fluid", "time_step"), "give either relaxation_time or time_step"
     if fluid is not None and config.simulation.time_step is not None:
         yield ("simulation", "time_step"), "is of a case without fluid; fluid.time_step is that of a lattice"
     if fluid is not None and fluid.start is not None:

@@ -9,8 +9,8 @@ from typing import ClassVar, Literal
 
 from hpcpic.core.case.accelerations import MEANING
 from hpcpic.core.case.config import Tree
-from hpcpic.core.case.schema import REQUIRED, Section, Vector, setting
-from hpcpic.core.case.words import one_period, one_viscosity
+from hpcpic.core.case.schema import REQUIRED, Section, Vector, matching, setting
+from hpcpic.core.case.words import one_of, one_period, one_viscosity
 from hpcpic.core.files.start import Start, attach, attached_arrays
 from sph.case.bodies import Body, Names
 from sph.case.openings import Direction, Inlet, Opening, Outlet
@@ -378,14 +378,16 @@ class SphConfig(Section):
 
     @classmethod
     def modernised(cls, tree: Tree) -> None:
-        """One word for each viscosity and period; STL files are named relative to the file that names them, and known
-        by what is in them.
+        """One word for each viscosity and period, one kind of each shape; STL files are named relative to the file
+        that names them, and known by what is in them.
         """
         listed = tree.data.get("fluid")
         fluids = [("fluid", i) for i in range(len(listed) if isinstance(listed, tuple) else 0)]
         one_viscosity(tree, fluids, "dynamic_viscosity", Fluid.model_fields["density"].default)
         one_period(tree, Period.model_fields)
         for group in ("fluid", "wall"):
+            for path in matching(tree.data, (group, "shape")):
+                one_of(tree, [(*path, kind) for kind in Shape.model_fields])
             attach(tree, (group, "shape", "stl"))
         for path in attach(tree, ("fluid", "start")):
             fluid, x = tree.data["fluid"][path[1]], attached_arrays(tree, path).get("position")

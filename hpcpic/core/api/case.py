@@ -15,7 +15,7 @@ from hpcpic.core.api.numbers import whole, words
 from hpcpic.core.api.results import Run, ended, threads_of
 from hpcpic.core.api.simulation import Simulation
 from hpcpic.core.api.tables import Check, Forecast
-from hpcpic.core.api.texts import case_text, setting_text, told_in_python
+from hpcpic.core.api.texts import assignments, case_text, told_in_python
 from hpcpic.core.app.app import App
 from hpcpic.core.app.read import Case as ReadCase
 from hpcpic.core.app.read import read_case
@@ -90,11 +90,14 @@ class Case:
         return tree
 
     def changed(self, changes: Mapping[str, Any]) -> Case:
-        """Another case, with these keys ("species[0].particles") set to these values. Raises ConfigError."""
+        """Another case, with these keys ("species[0].particles") set to these values. Raises ConfigError.
+
+        A mapping changes the keys in it and leaves the others of its group: {"simulation": {"end_time": 1.0}} is
+        {"simulation.end_time": 1.0}. A list takes the place of the whole list.
+        """
         case = object.__new__(type(self))
         case._source, case._text, case._starts = self._source, self._text, self._starts
-        sets = (f"{key}={setting_text(value, key, case._keep)}" for key, value in changes.items())
-        case._sets = (*self._sets, *sets)
+        case._sets = (*self._sets, *assignments(changes, case._keep))
         case._read()
         return case
 

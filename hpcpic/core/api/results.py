@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from hpcpic.core.api import arrays
 from hpcpic.core.api.numbers import finite, whole, words
 from hpcpic.core.api.simulation import Simulation
-from hpcpic.core.api.texts import setting_text
+from hpcpic.core.api.texts import assignments
 from hpcpic.core.app import use
 from hpcpic.core.app.app import App
 from hpcpic.core.errors import ConfigError, Diverged, FileError, HpcpicError
@@ -165,7 +165,7 @@ class Run:
         from hpcpic.core.comm.meeting import meet
 
         until = None if until is None else finite(until, "until")
-        sets = tuple(f"{key}={setting_text(value, key, _keep_nothing)}" for key, value in (changes or {}).items())
+        sets = tuple(assignments(changes or {}, _keep_nothing))
         flags = Flags(threads_of(threads), words(wall), words(checkpoint_every), quiet=quiet, summary=not quiet)
         flags.seconds(), flags.interval()  # which are refused before the folder is touched
         use.keep_own()

@@ -24,6 +24,15 @@ def told_in_python() -> Iterator[None]:
         raise ConfigError([re.sub("^--set ", "changed: ", told) for told in error.messages]) from None
 
 
+def assignments(changes: Mapping[str, Any], keep: Keep) -> Iterator[str]:
+    """`key=value` of every key that changes; a mapping changes the keys in it, one by one. Raises ConfigError."""
+    for key, value in changes.items():
+        if isinstance(value, Mapping) and value and not _holds_arrays(key):
+            yield from assignments({f"{key}.{name}": inner for name, inner in value.items()}, keep)
+        else:
+            yield f"{key}={setting_text(value, key, keep)}"
+
+
 def case_text(sections: Mapping[str, Any], keep: Keep) -> str:
     """A case file that says these keys. Raises ConfigError for a value that no case file can hold."""
     return "".join(f"{name} = {setting_text(value, name, keep)};\n" for name, value in sections.items())
@@ -33,7 +42,7 @@ def setting_text(value: Any, key: str, keep: Keep) -> str:
     """A value in libconfig syntax: mappings are groups, sequences of mappings lists, other sequences arrays. What
     stands under a key `start` are arrays, which are kept in a file."""
     if isinstance(value, Mapping):
-        if key.rpartition(".")[2] == "start" and "file" not in value:
+        if _holds_arrays(key) and "file" not in value:
             value = {"file": keep(value)}
         inner = (f"{name} = {setting_text(each, f'{key}.{name}', keep)};" for name, each in value.items())
         return "{ " + " ".join(inner) + " }"
@@ -44,6 +53,10 @@ def setting_text(value: Any, key: str, keep: Keep) -> str:
             return "( " + ", ".join(setting_text(inner, f"{key}[{i}]", keep) for i, inner in enumerate(value)) + " )"
         return value_text([_plain(inner, f"{key}[{i}]") for i, inner in enumerate(value)])
     return value_text(_plain(value, key))
+
+
+def _holds_arrays(key: str) -> bool:
+    return key.rpartition(".")[2] == "start"
 
 
 def _plain(value: Any, key: str) -> bool | int | float | str:

@@ -266,7 +266,7 @@ def parse_value(text: str) -> Any:
 
 
 def apply_set(tree: Tree, assignment: str) -> str | None:
-    """Apply `key=value` to the tree; what is wrong with it, or None."""
+    """Apply `key=value` to the tree, a group key by key; what is wrong with it, or None."""
     key, equal, text = assignment.partition("=")
     key = key.strip()
     if not equal or not SET_PATH.fullmatch(key):
@@ -284,17 +284,26 @@ def apply_set(tree: Tree, assignment: str) -> str | None:
             parent = parent.setdefault(part, {})
         else:
             return absent(parent, path[: depth + 1])
-    last = path[-1]
-    if isinstance(parent, tuple) and holds(parent, last):
+    last, there = path[-1], holds(parent, path[-1])
+    if isinstance(parent, tuple) and there and not (isinstance(value, dict) and isinstance(parent[last], dict)):
         return "a list element is a group: set one of its keys"
-    is_key = isinstance(parent, dict) and isinstance(last, str)
-    if not is_key and not (isinstance(parent, list) and holds(parent, last)):
+    if not there and not (isinstance(parent, dict) and isinstance(last, str)):
         return absent(parent, path)
+    put(tree, parent, path, value, Place(f"--set {assignment}"))
+    return None
+
+
+def put(tree: Tree, parent: Any, path: Path, value: Any, place: Place) -> None:
+    """Give a key of the group `parent` its value: groups merge, all else replaces."""
+    last = path[-1]
+    if isinstance(value, dict) and holds(parent, last) and isinstance(parent[last], dict):
+        for name, inner in value.items():
+            put(tree, parent[last], (*path, name), inner, place)
+        return
     parent[last] = value
     for other in [other for other in tree.places if other[: len(path)] == path]:
         del tree.places[other]
-    tree.places[path] = Place(f"--set {assignment}")
-    return None
+    tree.places[path] = place
 
 
 def absent(group: Any, path: Path) -> str:

@@ -5,6 +5,7 @@ what it includes; two in one file are a fault.
 """
 
 import difflib
+import itertools
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -28,20 +29,21 @@ def one_of(tree: Tree, paths: Iterable[Path]) -> Path | None:
     if len(given) < 2:
         return given[0] if given else None
     order = {path: i for i, path in enumerate(tree.places)}
-    given.sort(key=lambda path: order.get(written(tree, path), -1))
-    for i, path in enumerate(given[:-1]):
-        place, again = tree.where(path), tree.where(given[i + 1])
-        if place.file == again.file:
-            tree.faults.append(f"{again}: {dotted(given[i + 1])}: give either this or {dotted(path)}, set at {place}")
+    given.sort(key=lambda path: order.get(newest(tree, path), -1))
+    for path, later in itertools.pairwise(given):
+        if tree.where(newest(tree, path)).file == tree.where(newest(tree, later)).file:
+            place, again = tree.where(path), tree.where(later)
+            tree.faults.append(f"{again}: {dotted(later)}: give either this or {dotted(path)}, set at {place}")
         tree.drop(path)
     return given[-1]
 
 
-def written(tree: Tree, path: Path) -> Path:
-    """The setting itself, or the group around it that was written down as a whole."""
+def newest(tree: Tree, path: Path) -> Path:
+    """What was set last of a setting and what is in it; else the group around it that was written down as a whole."""
+    inside = [other for other in tree.places if other[: len(path)] == path]
     while path and path not in tree.places:
         path = path[:-1]
-    return path
+    return inside[-1] if inside else path
 
 
 def move(tree: Tree, old: Path, new: Path) -> None:

@@ -15,7 +15,10 @@ import pytest
 import hpcpic
 import lbmdem
 import sph
+from hpcpic.core.app.read import read_case
+from hpcpic.core.case.schema import dump, value_text
 from hpcpic.core.errors import ConfigError
+from sph.app import APP
 
 SHORT = {"simulation.cycles": 12}
 EXAMPLES = Path(__file__).parents[3] / "examples"
@@ -158,6 +161,29 @@ def test_a_case_made_of_keys_is_the_case_of_its_text(tmp_path):
     case.save(tmp_path / "my.conf")
     assert str(sph.Case(tmp_path / "my.conf")) == str(case) == (tmp_path / "my.conf").read_text()
     assert case.config.fluid[0].shape.box.high == (0.5, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("case", "nested", "dotted"),
+    [
+        ("water-column", {"simulation": {"end_time": 0.5}}, {"simulation.end_time": 0.5}),
+        (
+            "water-column",
+            {"numerics": {"spacing": 0.05}, "output": {"period": {"series": 0.01}}, "fluid[0]": {"name": "sea"}},
+            {"numerics.spacing": 0.05, "output.period.series": 0.01, "fluid[0].name": "sea"},
+        ),
+        (
+            "water-column",
+            {"fluid[0].shape": {"sphere": {"centre": [0.3, 0.3], "radius": 0.1}}},  # in place of the box
+            {"fluid[0].shape.sphere.centre": [0.3, 0.3], "fluid[0].shape.sphere.radius": 0.1},
+        ),
+    ],
+)
+def test_a_group_changes_as_its_keys_do_and_as_the_command_line_does(case, nested, dotted):
+    made = sph.Case(case).changed(nested)
+    sets = tuple(f"{key}={value_text(value)}" for key, value in dotted.items())
+    assert str(made) == str(sph.Case(case).changed(dotted)) == dump(read_case(APP, case, sets).config)
+    assert str(made) != str(sph.Case(case))
 
 
 @pytest.mark.parametrize(
@@ -375,6 +401,7 @@ def test_a_restart_in_python_may_go_on_farther_and_changes_nothing_else(oscillat
     run = cut_off(hpcpic.Case("plasma-oscillation").changed({"simulation.cycles": 6}), tmp_path / "run")
     for wrong, told in (
         ({"changes": {"grid.points": [3]}}, "a restart cannot change grid.points; it can change description"),
+        ({"changes": {"grid": {"points": [3]}}}, "a restart cannot change grid.points; it can change description"),
         ({"changes": {"species[0].start": {"position": [1.0]}}}, "goes on from a checkpoint"),
         ({"until": -1.0}, "until -1: must be a time in s after the start"),
         ({"until": "3"}, "until: a finite number"),
@@ -384,7 +411,7 @@ def test_a_restart_in_python_may_go_on_farther_and_changes_nothing_else(oscillat
     ):
         with pytest.raises(hpcpic.ConfigError, match=told):
             run.restart(quiet=True, **wrong)
-    assert run.restart(SHORT, threads=1, quiet=True).digest == oscillation.digest
+    assert run.restart({"simulation": {"cycles": 12}}, threads=1, quiet=True).digest == oscillation.digest
     for checkpoint in (run.path / "checkpoints").iterdir():
         checkpoint.unlink()
     for use in (run.restart, run.simulation):

@@ -321,6 +321,27 @@ def test_set_overrides_by_path_with_the_same_grammar():
 
 
 @pytest.mark.parametrize(
+    ("whole", "parts"),
+    [
+        ("a={ x = 5; }", ["a.x=5"]),
+        ("a={ g = { z = 7; }; new = { k = 1; }; }", ["a.g.z=7", "a.new.k=1"]),
+        ("s[0]={ x = 2; v = [3]; }", ["s[0].x=2", "s[0].v=[3]"]),
+        ("a={ }", []),
+    ],
+)
+def test_a_group_that_is_set_merges_as_its_keys_set_one_by_one(whole, parts):
+    text = "a = { x = 1; y = [1, 2]; g = { z = 3; w = 4; }; }; s = ({ x = 1; y = 2; });"
+    tree, other = loads(text, sets=[whole]), loads(text, sets=parts)
+    assert tree.faults == other.faults == [] and tree.data == other.data
+    assert tree.where(("a", "y")) == other.where(("a", "y")) and tree.where(("a", "y")).line == 1
+
+
+def test_a_list_that_is_set_takes_the_place_of_the_list():
+    tree = loads("s = ({ x = 1; }, { y = 2; }); v = [1, 2];", sets=["s=({ z = 3; })", "v=[7]"])
+    assert tree.data == {"s": ({"z": 3},), "v": [7]}
+
+
+@pytest.mark.parametrize(
     "assignment",
     [
         "a",
@@ -332,6 +353,8 @@ def test_set_overrides_by_path_with_the_same_grammar():
         "v[2]=1",
         "species[1].x=1",
         "species[0]=1",
+        "species[1]={ x = 1; }",
+        "v[0]={ x = 1",
         "a.b=1",
         "a..b=1",
         "a=1e999",

@@ -76,7 +76,7 @@ def test_a_shipped_case_is_legal_and_survives_being_written(name):
         (("spacing = 3.125e-5", "spacing = 3.0e-5"), "domain.size: is 8.33333 spacings along x"),
         (('periodic = ["x"]', 'periodic = ["z"]'), "domain.periodic: there is no z in 2D"),
         (("relaxation_time = 1.0", "relaxation_time = 0.5"), "fluid.relaxation_time"),
-        (("relaxation_time = 1.0", "relaxation_time = 1.0; time_step = 1e-3"), "give either relaxation_time"),
+        (("relaxation_time = 1.0", "relaxation_time = 1.0; time_step = 1e-3"), "give either this or fluid.relaxation"),
         (("viscosity = 1.0e-6", "viscosity = -1.0e-6"), "fluid.kinematic_viscosity"),
         (("relaxation_time = 1.0", "relaxation_time = 1.0e4"), "relaxation time tau = 1e+04"),
         (("kinematic_viscosity", "kinematic_viscosty"), "did you mean 'kinematic_viscosity'"),
@@ -86,6 +86,11 @@ def test_a_shipped_case_is_legal_and_survives_being_written(name):
 )  # fmt: skip
 def test_bad_input_is_told(change, said):
     assert said in messages(CHANNEL.replace(*change))
+
+
+def test_a_time_step_that_is_set_takes_the_place_of_the_relaxation_time_of_the_file():
+    tree = loads(CHANNEL, sets=["fluid.time_step=1e-4"])
+    assert configure(tree) == config_of(CHANNEL.replace("relaxation_time = 1.0", "time_step = 1e-4"))
 
 
 def test_a_size_of_nothing_is_one_fault():

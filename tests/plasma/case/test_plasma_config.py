@@ -1,5 +1,6 @@
 """The plasma case: its keys, its older spellings, and every refusal with the place of the key to change."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -249,8 +250,6 @@ def test_all_bad_settings_are_told_at_once_with_their_places():
         ("species[0].particles=4294967297", "species[0].particles: must be less than or equal to 4294967296"),
         ('species[0].name="ions/hot"', "species[0].name: 'ions/hot' would be a path"),
         ('species[0].name=".."', "species[0].name: '..' would be a path"),
-        ("grid={}", "grid: needs points"),
-        ("grid={blocks=[4,4]}", "grid.blocks: needs points"),
         ("field.magnetic=[0, 1]", "field.magnetic: needs 3 numbers"),
         ("field.electric=1.0", "field.electric: needs 3 numbers"),
         ("species[0].drift_velocity=[1.0]", "species[0].drift_velocity: needs 2 numbers in 2D, or 3 (got 1)"),
@@ -282,6 +281,14 @@ def test_settings_that_do_not_fit_are_refused(assignment, message):
     messages = faults_of(CASE, [assignment])
     assert any(message in fault for fault in messages), messages
     assert len(messages) <= 2
+
+
+@pytest.mark.parametrize(
+    ("grid", "message"), [("", "grid: needs points"), ("blocks = [4, 4];", "grid.blocks: needs points")]
+)
+def test_a_grid_has_points(grid, message):
+    (told,) = faults_of(re.sub(r"grid = {.*?};", f"grid = {{ {grid} }};", CASE))
+    assert message in told
 
 
 def test_a_charge_of_zero_has_no_plasma_frequency():
