@@ -63,7 +63,9 @@ class FluidSection(Section):
     kinematic_viscosity: float = setting(
         REQUIRED, "kinematic viscosity; dynamic_viscosity in Pa s is understood too, over density", "m2/s", gt=0
     )
-    relaxation_time: float | None = setting(None, "tau; gives the time step dt = (tau - 1/2)/3 dx^2/nu", gt=0.5)
+    relaxation_time: float | None = setting(
+        None, "tau, by default 1; gives the time step dt = (tau - 1/2)/3 dx^2/nu", gt=0.5
+    )
     time_step: float | None = setting(None, "time step, instead of relaxation_time", "s", gt=0)
     collision: Literal["BGK", "TRT", "central"] = setting(
         "TRT", "one relaxation time (the paper), two, or central moments, which stay stable as tau goes to 1/2"

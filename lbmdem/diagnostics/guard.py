@@ -44,7 +44,10 @@ def fault(seen: Diagnostics, fluid: Fluid | None, dem: Dem | None, max_overlap: 
     """Why this rank's state is no solution, or None; max_overlap: allowed overlap over diameter."""
     if fluid and seen.fluid:
         if seen.fluid.fastest > MAX_SPEED:
-            return f"the fluid moves by {seen.fluid.fastest:.3g} nodes in a step (limit {MAX_SPEED})"
+            return (
+                f"the fluid moves by {seen.fluid.fastest:.3g} nodes in a step (limit {MAX_SPEED}): a smaller "
+                "fluid.relaxation_time or fluid.time_step makes steps shorter, a weaker force the fluid slower"
+            )
         share = float(fluid.lattice.w[0])  # populations at rest follow the density
         low, high = (1.0 / MAX_DENSITY - 1.0) * 2.0 * share, (MAX_DENSITY - 1.0) * share
         least, most = fluid.rest_bounds()

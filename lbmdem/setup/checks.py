@@ -224,7 +224,8 @@ def grain_faults(grains: GrainSet, d: int) -> Iterator[tuple[Path, str]]:
     if bool(grains.position) + (grains.given("position") is not None) + (grains.packing is not None) != 1:
         yield (), "needs either position or packing = {..}, or an array position in start"
     if grains.packing is not None and grains.diameters is None:
-        yield ("packing",), "needs diameters = {..}, which gives their number"
+        how = "diameters = { min = ..; max = ..; count = ..; } in place of diameter, with min = max where all are equal"
+        yield ("packing",), f"needs {how}"
     n = len(grains.centres)
     if n and grains.diameters is not None and grains.diameters.count != n:
         yield ("diameters", "count"), f"is not the number of positions ({n})"

@@ -187,7 +187,7 @@ class Simulation:
     def scalars(self) -> dict[str, float]:
         """The scalars of the series, in the units of `scalar_units`."""
         self._meet("scalars()")
-        return dict(self.model.scalars())
+        return {name: float(value) for name, value in self.model.scalars().items()}
 
     @property
     def scalar_units(self) -> Mapping[str, str]:

@@ -67,5 +67,5 @@ def enforce(numbers: Iterable[Derived], tree: Tree, force: bool = False) -> list
             hint = " (--force runs it, in Python force=True)" if number.forceable else ""
             refusals.append(f"{tree.where(number.key)}: {dotted(number.key) or 'case'}: {number}{hint}")
     if refusals:
-        raise ConfigError(refusals)
-    return warnings
+        raise ConfigError(list(dict.fromkeys(refusals)))  # several fluids or sets of grains may have the same fault
+    return list(dict.fromkeys(warnings))

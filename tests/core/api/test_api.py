@@ -51,6 +51,7 @@ def test_a_simulation_in_memory_ends_as_the_run(oscillation):
         assert sim.digest() == oscillation.digest
         last = oscillation.series.isel(time=-1)
         assert {name: float(last[name]) for name in last.data_vars} == sim.scalars()
+        assert {type(value) for value in sim.scalars().values()} == {float}  # of Python, which prints as a number
         assert sim.fields("rho").equals(oscillation.fields("rho")) or np.array_equal(
             sim.fields("rho"), oscillation.fields("rho")
         )
@@ -232,6 +233,18 @@ def test_messages_call_a_change_as_python_does():
         case.changed({"grid.pointz": 3})
     with pytest.raises(hpcpic.ConfigError, match=r"^changed: simulation.time_step=100.0: simulation.time_step"):
         case.changed({"simulation.time_step": 100.0}).simulation()
+
+
+def test_a_fault_that_several_sets_share_is_told_once():
+    disc = {"diameter": 2e-3, "density": 1010.0}
+    case = lbmdem.Case(
+        simulation={"end_time": 1.0}, domain={"size": [0.02, 0.08], "spacing": 2e-4},
+        fluid={"kinematic_viscosity": 1e-6}, gravity=[0.0, -9.81],
+        grains=[{"position": [x, 0.07], **disc} for x in (0.008, 0.012)],
+    )  # fmt: skip
+    with pytest.raises(ConfigError, match=r"relaxation_time = 0\.6.* makes the time step short enough") as raised:
+        case.simulation()
+    assert len(raised.value.messages) == 1
 
 
 @pytest.mark.parametrize("threads", [0, -1, 1.5, "2", True])

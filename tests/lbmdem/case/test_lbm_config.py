@@ -116,6 +116,7 @@ def test_a_periodic_face_is_a_periodic_axis():
         ('boundary = ({ face = "y-"; type = "wall"; pressure = 1.0; });', "no pressure of its own"),
         ('boundary = ({ face = "y-"; type = "wall"; }, { face = "y-"; type = "wall"; });', "given twice"),
         ("grains = ({ diameter = 3e-4; });", "needs either position or packing"),
+        ("grains = ({ diameter = 3e-4; packing = { porosity = 0.5; }; });", "needs diameters = { min = ..; max"),
         ("grains = ({ position = [1e-4, 5e-4]; });", "needs either diameter or diameters"),
         ('grains = ({ diameter = 3e-4; position = [1e-4, 5e-4]; shape = "sphere"; });', "disc is the shape there"),
         ("grains = ({ diameter = 3e-5; position = [1e-4, 5e-4]; });", "resolves the grains of grains_1"),
