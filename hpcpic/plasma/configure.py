@@ -3,6 +3,7 @@
 from hpcpic.core.case.config import Tree
 from hpcpic.core.case.schema import validate
 from hpcpic.plasma.case.config import PlasmaConfig
+from hpcpic.plasma.diagnostics import scalars
 from hpcpic.plasma.forecast.estimate import default_periods
 from hpcpic.plasma.setup.checks import faults
 from hpcpic.plasma.setup.defaults import completed
@@ -10,7 +11,7 @@ from hpcpic.plasma.setup.defaults import completed
 
 def configure(tree: Tree) -> PlasmaConfig:
     """The complete configuration that a tree of settings describes. Raises ConfigError with every fault."""
-    return validate(PlasmaConfig, tree, faults, complete)
+    return validate(PlasmaConfig, tree, lambda config: [*faults(config), *scalars.faults()], complete)
 
 
 def complete(config: PlasmaConfig) -> PlasmaConfig:

@@ -6,9 +6,11 @@ from collections.abc import Iterator
 from hpcpic.core.case import accelerations
 from hpcpic.core.case.config import Path
 from hpcpic.core.case.gauge import gauge_faults
+from hpcpic.core.case.own_functions import formula_fault
 from hpcpic.core.case.words import unknown
 from hpcpic.core.files.start import start_faults
 from lbmdem.case.config import AXES, GrainSet, LbmDemConfig, Obstacle
+from lbmdem.physics import wall_rules
 from lbmdem.physics.wall_rules import RULES
 
 
@@ -16,8 +18,13 @@ def faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:
     """Place and text of each; none of a case that is sound."""
     d = config.dimensions
     yield from size_faults(config, d)
-    if config.coupling.bounce_back not in RULES:
+    rule, arguments = RULES.get(config.coupling.bounce_back), ("q", "gi_x", "gi_y", "gj_x", "push")
+    if rule is None:
         yield ("coupling", "bounce_back"), unknown(config.coupling.bounce_back, RULES)
+    elif rule.number == wall_rules.OWN:
+        own = wall_rules.own
+        if said := formula_fault(own, (), arguments) or formula_fault(own, arguments):
+            yield ("coupling", "bounce_back"), said
     yield from vector_faults(config, d)
     yield from face_faults(config, d)
     fluid = config.fluid

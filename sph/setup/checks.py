@@ -5,10 +5,12 @@ from collections.abc import Iterator
 
 from hpcpic.core.case import accelerations
 from hpcpic.core.case.config import Path
+from hpcpic.core.case.own_functions import formula_fault
 from hpcpic.core.case.schema import Section
 from hpcpic.core.case.words import unknown
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.files.start import start_faults
+from hpcpic.core.simd.own import shipped
 from sph.case import geometry
 from sph.case.bodies import Body, Hinge
 from sph.case.columns import columns_of, scalar_units
@@ -37,9 +39,14 @@ def faults(config: SphConfig) -> Iterator[Fault]:
 
 
 def kernels(config: SphConfig) -> Iterator[Fault]:
-    """Refuse a smoothing kernel that nobody has registered."""
-    if config.numerics.kernel not in SMOOTHING:
+    """Refuse a smoothing kernel that nobody has registered, and one of the user's own that cannot be compiled."""
+    smoothing = SMOOTHING.get(config.numerics.kernel)
+    if smoothing is None:
         yield ("numerics", "kernel"), unknown(config.numerics.kernel, SMOOTHING)
+        return
+    for formula in (smoothing.w, smoothing.f):
+        if not shipped(formula) and (said := formula_fault(formula, ("r",), ("per_h",))):
+            yield ("numerics", "kernel"), said
 
 
 def sizes(config: SphConfig) -> Iterator[Fault]:

@@ -4,6 +4,7 @@ numba tells it in pages of its own. Only who names such a function in a case wai
 """
 
 import dis
+import functools
 import inspect
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -13,6 +14,7 @@ from typing import Any
 _IMPORTED = re.compile(r"<use_(.+)_[0-9a-f]{32}>")  # see core.app.use
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 _LINE = re.compile(r'File "[^"]*", line (\d+)')
+_VECTORS = "vectors have + - * /, and from hpcpic.core.simd.formulas fma, maximum, minimum, sqrt, select (for if)"
 _GENERAL = ("Failed in nopython mode", "During:", 'File "', "Invalid use of")
 
 
@@ -20,6 +22,12 @@ def file_of(code: CodeType) -> str:
     """The file of a function, as the user calls it."""
     imported = _IMPORTED.fullmatch(code.co_filename)
     return f"{imported[1]}.py" if imported else code.co_filename
+
+
+def place_of(function: FunctionType, line: int | None = None) -> str:
+    """FILE:LINE: NAME of a function; by default its first line."""
+    code = function.__code__
+    return f"{file_of(code)}:{code.co_firstlineno if line is None else line}: {function.__name__}"
 
 
 def is_own(file: str, own: set[str]) -> bool:
@@ -53,7 +61,33 @@ def fault(
     if not isinstance(function, FunctionType):
         return f"a function is wanted (got {function!r})"
     line, said = _fault(function, tuple(arguments), tuple(arguments.values()), returned, wanted)
-    return said and f"{file_of(function.__code__)}:{line}: {function.__name__}: {said}"
+    return said and f"{place_of(function, line)}: {said}"
+
+
+@functools.cache
+def formula_fault(
+    function: Callable, vectors: tuple[str, ...] = (), numbers: tuple[str, ...] = (), results: int = 1
+) -> str:
+    """FILE:LINE: NAME: what is wrong with a formula that kernels call; "" of a sound one.
+
+    vectors, numbers: names of its arguments that are vectors of numbers, and of those after them that are numbers.
+    results: how many values it returns.
+    """
+    from numba import types
+
+    from hpcpic.core.simd.vector import Vec, lanes
+
+    def is_value(kind: Any) -> bool:
+        return isinstance(types.unliteral(kind), types.Integer | types.Float | Vec)
+
+    def returned(kind: Any) -> bool:
+        parts = getattr(kind, "types", ())
+        return is_value(kind) if results == 1 else len(parts) == results and all(map(is_value, parts))
+
+    vector = Vec(lanes(float), float)
+    arguments = dict.fromkeys(vectors, vector) | dict.fromkeys(numbers, types.float64)
+    said = fault(function, arguments, returned, "one value" if results == 1 else f"{results} values")
+    return f"{said}; {_VECTORS}" if "Vec(" in said else said
 
 
 def arithmetic_fault(function: Any) -> str:
@@ -63,8 +97,7 @@ def arithmetic_fault(function: Any) -> str:
     builtin = vars(__import__("builtins"))
     for step in dis.get_instructions(function):
         if step.opname == "LOAD_GLOBAL" and step.argval not in builtin:
-            place = f"{file_of(function.__code__)}:{function.__code__.co_firstlineno}: {function.__name__}"
-            return f"{place}: is to be arithmetic of its arguments alone (it uses {step.argval!r})"
+            return f"{place_of(function)}: is to be arithmetic of its arguments alone (it uses {step.argval!r})"
     return ""
 
 

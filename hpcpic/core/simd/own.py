@@ -14,6 +14,12 @@ def same(one: object, other: object) -> bool:
     return one is other or (names[0] == names[1] and None not in names[0])
 
 
+def shipped(function: object) -> bool:
+    """Whether a function comes with this program."""
+    code = getattr(getattr(function, "func", function), "__code__", None)  # of a functools.partial: what it calls
+    return code is not None and code.co_filename.startswith(_PACKAGES)
+
+
 def note(thing: object) -> None:
     """Note where a function, or the class of an object, comes from, unless that is this program or no file."""
     thing = getattr(thing, "func", thing)  # of a functools.partial

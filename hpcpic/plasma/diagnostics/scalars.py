@@ -11,12 +11,13 @@ integrand is written once:
                     (ENERGY_FLUX,)))
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 from hpcpic.core.case.own_functions import arithmetic_fault
+from hpcpic.core.case.schema import Fault
 from hpcpic.core.simd.own import note
 from hpcpic.plasma.physics.moments import SPEED_SQUARED, VELOCITY, Moment
 
@@ -101,6 +102,13 @@ for column in (
     *(Scalar(f"mode_{n}", "V/m", partial(mode, n)) for n in range(1, MODES + 1)),
 ):
     register(column)
+
+
+def faults() -> Iterator[Fault]:
+    """Integrands of the user's own that cannot be compiled."""
+    for scalar in SCALARS.values():
+        for said in filter(None, (moment.fault(vectors=True) for moment in scalar.moments)):
+            yield ("output",), f"scalar {scalar.name!r}: {said}"
 
 
 def columns(dimensions: int) -> tuple[Scalar, ...]:

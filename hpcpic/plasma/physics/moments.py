@@ -6,6 +6,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from hpcpic.core.case.own_functions import formula_fault
+from hpcpic.core.simd.own import shipped
+
 
 @dataclass(frozen=True, slots=True)
 class Moment:
@@ -27,6 +30,17 @@ class Moment:
     def size(self, components: int) -> int:
         """Values of the moment of velocities with so many components."""
         return components if self.vector else 1
+
+    def fault(self, vectors: bool) -> str:
+        """What is wrong with an integrand of the user's own, in one sentence with its place; "" of a sound one.
+
+        vectors: it is compiled for vectors too, and not for numbers alone.
+        """
+        names, results = ("vx", "vy", "vz", "square"), 3 if self.vector else 1
+        if shipped(self.integrand):
+            return ""
+        of_numbers = formula_fault(self.integrand, (), names, results)
+        return of_numbers or (formula_fault(self.integrand, names, (), results) if vectors else "")
 
 
 def speed_squared(vx, vy, vz, square):

@@ -16,11 +16,14 @@ takes the mean of is a Moment, whose integrand is written once:
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import FunctionType
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.core.case.own_functions import arithmetic_fault, failed_at, place_of
+from hpcpic.core.simd.own import files, note, shipped
 from hpcpic.plasma.case.config import PlasmaConfig, name_of, velocity_components
 from hpcpic.plasma.physics.moments import SPEED_SQUARED, VELOCITY, Moment
 
@@ -32,6 +35,7 @@ class MeshField(NamedTuple):
     vector: bool = False
 
 
+NODES_TRIED = 8  # along each axis, on which a field of the user's own is tried
 MESH_FIELDS = {"rho": MeshField("C/m^d"), "phi": MeshField("V"), "E": MeshField("V/m", vector=True)}
 
 
@@ -48,6 +52,8 @@ class NodeSample:
     means: Mapping[Moment, NDArray[np.float64]]
 
     def __getitem__(self, moment: Moment) -> NDArray[np.float64]:
+        if moment not in self.means:
+            raise LookupError(f"{moment.integrand.__name__} is none of the moments that the field names")
         return self.means[moment]
 
 
@@ -80,7 +86,11 @@ SPECIES_FIELDS: dict[str, SpeciesField] = {}  # by name
 
 
 def register(field: SpeciesField) -> None:
-    """Let cases name a field in output.fields."""
+    """Let cases name a field in output.fields. ValueError of an integrand that kernels cannot take over."""
+    for moment in field.moments:
+        if said := arithmetic_fault(moment.integrand):
+            raise ValueError(f"field {field.name!r}: {said}")
+    note(field.value)
     SPECIES_FIELDS[field.name] = field
 
 
@@ -106,3 +116,26 @@ def asked_for(config: PlasmaConfig) -> list[SpeciesField]:
     names = {*config.output.fields, *(gauge.what for gauge in config.gauge)}
     species = [name_of(species, i) for i, species in enumerate(config.species)]
     return [f for f in SPECIES_FIELDS.values() if {f.name, *(f"{f.name}_{one}" for one in species)} & names]
+
+
+def fault(field: SpeciesField, dimensions: int, components: int) -> str:
+    """What is wrong with a field of the user's own, in one sentence with its place: its integrands, or what it makes of
+    a sample, here of a few nodes; "" of a sound one. components: of the velocity.
+    """
+    if said := next(filter(None, (moment.fault(vectors=False) for moment in field.moments)), ""):
+        return said
+    if shipped(field.value):
+        return ""
+    nodes = (NODES_TRIED,) * dimensions
+    means = {moment: np.ones((*nodes, components) if moment.vector else nodes) for moment in field.moments}
+    try:
+        with np.errstate(all="ignore"):
+            value = np.asarray(field.value(NodeSample(1.0, np.ones(nodes), means)))
+    except Exception as error:
+        return f"{failed_at(error, files) or field.name}: {type(error).__name__}: {error}"
+    wanted = (*nodes, components) if field.vector else nodes
+    if value.shape == wanted and value.dtype.kind in "iuf":
+        return ""
+    place = f"{place_of(field.value)}: " if isinstance(field.value, FunctionType) else ""
+    given, asked = (f"[{', '.join(map(str, shape))}]" for shape in (value.shape, wanted))
+    return f"{place}must return numbers {asked} for a sample of {list(nodes)} nodes (it returns {value.dtype} {given})"

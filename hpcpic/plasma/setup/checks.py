@@ -7,8 +7,15 @@ from hpcpic.core.case import accelerations
 from hpcpic.core.case.gauge import gauge_faults
 from hpcpic.core.case.schema import Fault, abridged
 from hpcpic.plasma.case import units
-from hpcpic.plasma.case.config import MOST_PARTICLES, MOST_POINTS, PlasmaConfig, Species, name_of
-from hpcpic.plasma.physics.species_fields import MESH_FIELDS, SPECIES_FIELDS, field_units
+from hpcpic.plasma.case.config import (
+    MOST_PARTICLES,
+    MOST_POINTS,
+    PlasmaConfig,
+    Species,
+    name_of,
+    velocity_components,
+)
+from hpcpic.plasma.physics.species_fields import MESH_FIELDS, SPECIES_FIELDS, asked_for, fault, field_units
 from hpcpic.plasma.setup.histograms import histogram_faults
 from hpcpic.plasma.setup.loaders import LOADERS, loader_faults
 from hpcpic.plasma.setup.macro_particles import particle_faults
@@ -32,6 +39,9 @@ def faults(config: PlasmaConfig) -> Iterator[Fault]:
     yield from equation_faults(config, d)
     yield from field_faults(config.output.fields)
     yield from mode_faults(config.output.modes, config.points)
+    for field in asked_for(config):
+        if said := fault(field, d, velocity_components(config)):
+            yield ("output", "fields"), f"{field.name}: {said}"
     if len(simulation.space_length) == d:
         yield from gauge_faults(config.gauge, field_units(config), simulation.space_length)
         yield from histogram_faults(config)

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from hpcpic.core.case import accelerations
+from hpcpic.core.case.own_functions import formula_fault
+from hpcpic.core.simd.formulas import fma, maximum, select
 
 STIFFNESS = {"along x": 4.0}
 
@@ -128,3 +130,70 @@ def test_kernels_get_three_reals_whatever_they_give(monkeypatch, function, real)
     a = numba.njit(accelerations.compiled("mine"))((real(0), real(0), 0.0), (real(0), real(0), 0.0), math.pi)
     assert a == (-1.0, 0.0, 2 * math.pi) and all(isinstance(each, float) for each in a)
     del accelerations.ACCELERATIONS["mine"]
+
+
+def linear(r, per_h):
+    return maximum(fma(r, -0.5 * per_h, 1.0), 0.0)
+
+
+def chosen(r, per_h):
+    return select(r * per_h < 1.0, 1.0, 0.0 * r)
+
+
+def with_a_helper(r, per_h):
+    return helper(r * per_h)
+
+
+def numpys(r, per_h):
+    return np.maximum(r * per_h, 0.0)
+
+
+def with_if(r, per_h):
+    return 1.0 if r * per_h < 1.0 else 0.0
+
+
+def power(r, per_h):
+    return (r * per_h) ** 2.5
+
+
+def bare_call(r, per_h):
+    return bare(r * per_h)
+
+
+def pair(r, per_h):
+    return r, per_h
+
+
+def of_one(r):
+    return r
+
+
+@pytest.mark.parametrize("formula", [linear, chosen, with_a_helper])
+def test_a_formula_of_vectors_and_numbers_is_sound(formula):
+    assert formula_fault(formula, ("r",), ("per_h",)) == formula_fault(formula, (), ("r", "per_h")) == ""
+
+
+@pytest.mark.parametrize(
+    ("formula", "line", "told"),
+    [
+        (numpys, 1, "no such operation: maximum(Vec(8, float64), float64); vectors have + - * /, and from hpcpic"),
+        (with_if, 1, "no such operation: bool(Vec(8, bool)); vectors have"),
+        (power, 1, "no such operation: pow(Vec(8, float64), float64); vectors have"),
+        (bare_call, 1, "write @numba.njit above that one"),
+        (pair, 0, "must return one value"),
+        (of_one, 0, "is called with (r, per_h), but takes (r)"),
+    ],
+)
+def test_a_mistake_in_a_formula_is_one_line_with_its_place(formula, line, told):
+    said = formula_fault(formula, ("r",), ("per_h",))
+    place = f"{__file__}:{formula.__code__.co_firstlineno + line}: {formula.__name__}: "
+    assert said.startswith(place) and told in said and "\n" not in said
+
+
+def test_what_numbers_can_and_vectors_cannot_is_told_of_vectors_alone():
+    assert formula_fault(with_if, (), ("r", "per_h")) == formula_fault(numpys, (), ("r", "per_h")) == ""
+
+
+def test_a_formula_of_several_values_returns_as_many():
+    assert formula_fault(pair, ("r", "per_h"), (), 2) == ""
+    assert "must return 3 values" in formula_fault(pair, ("r", "per_h"), (), 3)

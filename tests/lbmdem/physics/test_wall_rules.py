@@ -3,7 +3,11 @@
 import numpy as np
 import pytest
 
-from lbmdem.physics.wall_rules import RULES, applicable, begun, coefficients, finished
+from hpcpic.core.case.own_functions import formula_fault
+from hpcpic.core.errors import ConfigError
+from lbmdem import Case
+from lbmdem.physics import wall_rules
+from lbmdem.physics.wall_rules import OWN, RULES, WallRule, applicable, begun, coefficients, finished
 
 Q = np.linspace(0.01, 1.0, 34)
 BY_NAME = pytest.mark.parametrize("rule", RULES.values(), ids=lambda rule: rule.name)
@@ -47,3 +51,21 @@ def test_the_two_parts_of_cli_are_the_whole():
     np.testing.assert_allclose(minus_kappa, -kappa)
     whole = one * gi_x + kappa * gi_y + minus_kappa * gj_x
     np.testing.assert_allclose(finished(kappa, gi_y, begun(kappa, gi_x, gj_x)), whole, atol=1e-15)
+
+
+def with_if(q, gi_x, gi_y, gj_x, push):
+    return gi_x - push if q < 0.5 else gi_y - push
+
+
+@pytest.mark.parametrize("formula", [wall_rules.cli, wall_rules.interpolated])
+def test_the_shipped_formulas_pass_what_those_of_users_must(formula):
+    names = ("q", "gi_x", "gi_y", "gj_x", "push")
+    assert formula_fault(formula, names) == formula_fault(formula, (), names) == ""
+
+
+def test_a_rule_that_vectors_cannot_be_taken_by_is_refused_with_its_place(monkeypatch):
+    """At a link that stays it is evaluated with numbers, at the surface of a grain with vectors."""
+    monkeypatch.setitem(RULES, "mine", WallRule("mine", OWN, 1, 0, 3, 1.0))
+    monkeypatch.setattr(wall_rules, "own", with_if)
+    with pytest.raises(ConfigError, match=r"bounce_back: .*test_wall_rules.py:\d+: with_if: .*bool\(Vec"):
+        Case("settling-disc").changed({"coupling.bounce_back": "mine"})

@@ -6,7 +6,9 @@ import pytest
 from sph_scenes import by_id, engine, reference
 
 from hpcpic.core.case import accelerations
+from hpcpic.core.case.own_functions import formula_fault
 from hpcpic.core.errors import ConfigError
+from sph import Case
 from sph.kernels import cells, marks, motion, readings, runs, totals
 from sph.physics.smoothing import SMOOTHING, Smoothing, register, wendland2_f, wendland2_w
 
@@ -170,3 +172,22 @@ def test_a_function_may_be_defined_again_but_not_its_name_be_taken():
             accelerations.register("spring of the test", wendland2_w)
     finally:
         accelerations.ACCELERATIONS.pop("spring of the test")
+
+
+@pytest.mark.parametrize("name", sorted(SMOOTHING))
+def test_the_shipped_formulas_pass_what_those_of_users_must(name):
+    for formula in (SMOOTHING[name].w, SMOOTHING[name].f):
+        assert formula_fault(formula, ("r",), ("per_h",)) == ""
+
+
+def numpys_slope(r, per_h):
+    far = np.maximum(1.0 - 0.5 * r * per_h, 0.0)
+    return (far * far) * far
+
+
+def test_a_kernel_that_vectors_cannot_be_summed_by_is_refused_with_its_place(monkeypatch):
+    mine = dataclasses.replace(SMOOTHING["wendland2"], name="mine", f=numpys_slope)
+    mine.require_sound()
+    monkeypatch.setitem(SMOOTHING, "mine", mine)
+    with pytest.raises(ConfigError, match=r"numerics.kernel: .*test_smoothing.py:\d+: numpys_slope: .*maximum\(Vec"):
+        Case("water-column").changed({"numerics.kernel": "mine"})
