@@ -49,8 +49,7 @@ class LbmDem:
     def __init__(self, config: LbmDemConfig, world: World, pool: Pool, timers: Timers) -> None:
         self.scene = scene = Scene(config)
         self.world, self.pool, self.timers = world, pool, timers
-        self.n_steps, self.periods = config.n_steps, output_periods(config)
-        self.end_time = self.n_steps * scene.time_step
+        self.n_steps, self.end_time, self.periods = config.n_steps, config.end_time, output_periods(config)
         self.time_periods: Mapping[str, float] = {}
         self.iteration = 0
         self.max_overlap = max(MAX_OVERLAP, 1.1 * starts(config)[1])

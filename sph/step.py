@@ -54,7 +54,7 @@ class Sph:
     def __init__(self, config: SphConfig, world: World, pool: Pool, timers: Timers) -> None:
         self.scene = scene = Scene(config)
         self.world, self.timers, self.clock = world, timers, Clock()
-        self.n_steps, self.end_time, self.work_items = None, scene.end_time, scene.n_fluid
+        self.n_steps, self.end_time, self.work_items = config.n_steps, config.end_time, scene.n_fluid
         self.scalar_units = columns.scalar_units(config) | columns.gauge_units(config)
         kinds = {"series": "series", "particle": "particles", "checkpoint": "checkpoint"}
         self.time_periods = {kind: getattr(config.output.period, name) or 0.0 for kind, name in kinds.items()}

@@ -47,8 +47,7 @@ class Plasma:
     def __init__(self, config: PlasmaConfig, world: World, pool: Pool, timers: Timers) -> None:
         self.scene = scene = Scene(config)
         self.world, self.pool, self.timers = world, pool, timers
-        self.n_steps, self.work_items = config.simulation.cycles, scene.n_particles
-        self.end_time = self.n_steps * scene.time_step
+        self.n_steps, self.end_time, self.work_items = config.n_steps, config.end_time, scene.n_particles
         self.periods: Mapping[str, int] = config.periods
         self.time_periods: Mapping[str, float] = {}
         self.spec = PushSpec.of(scene, scalars.moments())

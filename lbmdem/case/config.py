@@ -344,6 +344,11 @@ class LbmDemConfig(Section):
         return math.ceil(self.simulation.end_time / self.time_step * (1 - 1e-12))
 
     @property
+    def end_time(self) -> float:
+        """Of the last step, s."""
+        return self.n_steps * self.time_step
+
+    @property
     def conserved(self) -> tuple[str, ...]:
         """Scalars of the series that the scene keeps: mass in closed faces, momentum where nothing acts."""
         closed = all(face.type == "wall" for face in self.boundary)

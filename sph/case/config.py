@@ -349,6 +349,16 @@ class SphConfig(Section):
         return self.eos.sound_speed
 
     @property
+    def n_steps(self) -> None:
+        """A run ends at a time, after a number of steps that nobody knows before."""
+        return None
+
+    @property
+    def end_time(self) -> float:
+        """Physical time to reach, s."""
+        return self.simulation.end_time
+
+    @property
     def sensors(self) -> list[Gauge]:
         """The gauges that are areas of walls."""
         return [gauge for gauge in self.gauge if gauge.kind is WALL_PRESSURE]

@@ -255,7 +255,6 @@ class Scene:
         self.diagonal = float(np.sqrt(np.sum(extent**2)))
         longest = int(np.argmax(extent))
         self.axes = (longest, *(k for k in range(d) if k != longest))
-        self.end_time = config.simulation.end_time
         self.walls = [Wall(self, section, k) for k, section in enumerate(config.wall)]
         sheets = [wall.lattice.parts if wall.rule.repulsive else [] for wall in self.walls]
         self.normals = np.array([np.zeros(d), *(sheet.normal for parts in sheets for sheet in parts)])

@@ -63,6 +63,14 @@ class ToyConfig(Section):
     fault: Fault = Fault()
     output: Output = Output()
 
+    @property
+    def n_steps(self) -> int:
+        return self.steps
+
+    @property
+    def end_time(self) -> float:
+        return self.steps / 1024
+
 
 class Toy:
     scalar_units: Mapping[str, str] = {"mass": "1", "energy_total": "J"}
@@ -74,10 +82,9 @@ class Toy:
         self.low, self.high = self.domain.row_range(world.rank)
         self.u = 1.0 + 0.5 * np.sin(2 * np.pi * np.arange(self.low, self.high) / config.rows)
         self.iteration = 0
-        self.n_steps = config.steps
         self.time_step = np.float64(1 / 1024)  # as apps have it that reduce it over ranks
         self.work_items, self.local_items = config.rows, self.high - self.low
-        self.end_time = self.n_steps * self.time_step
+        self.n_steps, self.end_time = config.n_steps, config.end_time
         self.time_periods: Mapping[str, float] = {}
         self.periods = {name: getattr(config.output, name) for name in type(config.output).model_fields}
         self.replace_faulty_parts()

@@ -160,6 +160,10 @@ class _Job:
             reader = checkpoint.newest(self.rundir, self.world) if plan.restart else None
             if reader:
                 refuse_others(reader, self.app, settings)
+                refuse_earlier_end(reader, config, plan.folder)
+        if reader and plan.finished and loop.at_end(config, reader.step, reader.time):
+            self._nothing_to_do(reader)
+            return 0
         patience = parse_wall(self.flags.patience)
         pool = Pool(threads, self.world.cpus(threads), SECOND * patience)
         try:
@@ -173,10 +177,7 @@ class _Job:
                 set_up.set()
                 with _closing(made) as model:
                     if reader:
-                        self._take_up(model, reader, plan)
-                        if plan.finished and loop.at_end(model):
-                            self._nothing_to_do(model)
-                            return 0
+                        self._take_up(model, reader)
                     self._begin(model, plan, threads)
                     options = loop.Options(
                         stop, WallLimit(self.flags.seconds(), self.started), timers, threads, sys.stdout,
@@ -212,20 +213,8 @@ class _Job:
         config, new = map(summary.shell_word, (f"{folder}/config.conf", f"{folder}-again"))
         return " ".join([f"{self.app.name} run {config} -o {new}{self.allowed}", *map(shlex.quote, use.words(folder))])
 
-    def _take_up(self, model: Model, reader: checkpoint.Reader, plan: Plan) -> None:
+    def _take_up(self, model: Model, reader: checkpoint.Reader) -> None:
         """Go on from a checkpoint. Collective; raises Agreed."""
-        step = reader.time / max(reader.step, 1)  # on average
-        if model.n_steps is None:  # whose last step ends a little after the end
-            end, beyond = model.end_time, model.end_time < reader.time - 2.0 * step
-        else:
-            end, beyond = model.n_steps * step, model.n_steps < reader.step
-        if beyond:
-            raise Agreed(
-                ConfigError(
-                    f"{plan.folder}: the checkpoint is of step {reader.step}, t = {reader.time:g} s, "
-                    f"beyond the end asked for, t = {end:g} s"
-                )
-            )
         with everywhere():
             checkpoint.hold(reader, model.columns(reader), self.world)
         if reader.version != __version__ and self.world.rank == 0:
@@ -235,12 +224,12 @@ class _Job:
             )  # fmt: skip
         model.restore(reader)
 
-    def _nothing_to_do(self, model: Model) -> None:
+    def _nothing_to_do(self, reader: checkpoint.Reader) -> None:
         """Tell it; the folder stays as the run has left it."""
         if self.world.rank == 0:
             log.say(
                 sys.stdout,
-                f"nothing to do: the run has finished, at step {model.iteration}, t = {model.time:g} s; "
+                f"nothing to do: the run has finished, at step {reader.step}, t = {reader.time:g} s; "
                 "--until T goes on to a later time\n",
             )
 
@@ -367,6 +356,20 @@ def refuse_others(reader: checkpoint.Reader, app: App, settings: Mapping[str, st
         raise ConfigError(
             [f"{reader.path}: the state was made with other settings; a restart cannot change them:"]
             + [f"  {key}: {before.get(key, 'not set')} then, {settings.get(key, 'not set')} now" for key in differing]
+        )
+
+
+def refuse_earlier_end(reader: checkpoint.Reader, config: Any, folder: str) -> None:
+    """ConfigError where the run is to end before the checkpoint."""
+    step = reader.time / max(reader.step, 1)  # on average
+    if config.n_steps is None:  # its last step ends a little after the end
+        end, beyond = config.end_time, config.end_time < reader.time - 2.0 * step
+    else:
+        end, beyond = config.n_steps * step, config.n_steps < reader.step
+    if beyond:
+        raise ConfigError(
+            f"{folder}: the checkpoint is of step {reader.step}, t = {reader.time:g} s, "
+            f"beyond the end asked for, t = {end:g} s"
         )
 
 

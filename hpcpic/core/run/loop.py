@@ -24,7 +24,7 @@ from hpcpic.core.simd.compile import compilations
 from hpcpic.core.timers import Timers
 
 if TYPE_CHECKING:
-    from hpcpic.core.run.model import Model
+    from hpcpic.core.run.model import Ending, Model
 
 log = logging.getLogger("hpcpic.run")
 
@@ -77,9 +77,9 @@ def run(model: Model, world: World, rundir: RunDir, options: Options) -> Outcome
         watchdog.close()
 
 
-def at_end(model: Model) -> bool:
-    """True after the last step, or at the end time of a model that does not know their number."""
-    return model.time >= model.end_time if model.n_steps is None else model.iteration >= model.n_steps
+def at_end(ending: Ending, step: int, time: float) -> bool:
+    """True after the last step, or at the end time of a run that does not know their number."""
+    return time >= ending.end_time if ending.n_steps is None else step >= ending.n_steps
 
 
 class _Run:
@@ -165,7 +165,7 @@ class _Run:
         return int(min(looks))
 
     def at_end(self) -> bool:
-        return at_end(self.model)
+        return at_end(self.model, self.model.iteration, self.model.time)
 
     def agreement_due(self) -> bool:
         step, every = self.model.iteration, self.options.checkpoint_every

@@ -13,7 +13,16 @@ from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
 
 
-class Model(Protocol):
+class Ending(Protocol):
+    """When a run ends: the configuration of a case says so, and the model that is made of it."""
+
+    @property
+    def n_steps(self) -> int | None: ...  # of the whole run; None: it ends at the first step at or after `end_time`
+    @property
+    def end_time(self) -> float: ...  # s
+
+
+class Model(Ending, Protocol):
     """A state after `iteration` steps at `time` [s], and the step to the next. All ranks make it, step it and look at
     it together; `guard` alone is of one rank.
     """
@@ -24,10 +33,6 @@ class Model(Protocol):
     def time(self) -> float: ...  # s
     @property
     def time_step(self) -> float: ...  # of the last or the next step, s
-    @property
-    def n_steps(self) -> int | None: ...  # of the whole run; None: it ends at the first step at or after `end_time`
-    @property
-    def end_time(self) -> float: ...  # s
     @property
     def work_unit(self) -> str: ...  # "particle" or "node"
     @property

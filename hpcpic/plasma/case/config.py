@@ -295,6 +295,15 @@ class PlasmaConfig(Section):
         return math.prod(self.points)
 
     @property
+    def n_steps(self) -> int:
+        return self.simulation.cycles
+
+    @property
+    def end_time(self) -> float:
+        """Of the last step, s."""
+        return self.n_steps * self.simulation.time_step
+
+    @property
     def periods(self) -> dict[str, int]:
         """Steps between samples of series, field, particle, histogram, openPMD files, checkpoints; 0 = never."""
         every = self.output.every

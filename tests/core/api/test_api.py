@@ -1,5 +1,6 @@
 """The Python face: what is done in Python gives what the command line gives, and errors are exceptions."""
 
+import dataclasses
 import json
 import pickle
 import signal
@@ -338,6 +339,20 @@ def cut_off(case, folder, **flags):
     run = case.run(folder, threads=1, quiet=True, checkpoint_every=5, **flags)
     max((run.path / "checkpoints").iterdir()).unlink()
     return run
+
+
+def test_a_finished_run_is_found_to_be_so_before_a_model_is_made(oscillation, tmp_path, capfd):
+    """And an end that its checkpoint is beyond is refused before, too."""
+    sphs = sph.Case("water-column").changed({"numerics.spacing": 0.05, "simulation.end_time": 0.01})
+    dry = lbmdem.Case("restitution").changed({"simulation.end_time": 0.001})
+    runs = [oscillation, *(case.run(tmp_path / str(i), threads=1, quiet=True) for i, case in enumerate((sphs, dry)))]
+    capfd.readouterr()
+    for made in runs:
+        run = type(made).open(made.path, dataclasses.replace(made._app, load=lambda: pytest.fail("a model is made")))
+        assert run.restart(threads=1).digest == made.digest
+        assert "nothing to do: the run has finished" in capfd.readouterr().out
+        with pytest.raises(ConfigError, match="beyond the end asked for"):
+            run.restart(threads=1, until=float(run.series.time[-1]) / 10)
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
