@@ -36,12 +36,15 @@ def snapshots_of(run: Run) -> Particles:
     return present(lambda: run.particle_snapshots, "the particles (output.period.particles)")
 
 
+def fluid_names(run: Run, gases: bool) -> list[str]:
+    """Names of the fluids, and of what inlets let in."""
+    config = config_of(run)
+    return [fluid.name for fluid in config.fluid if gases or not fluid.gas] + [inlet.name for inlet in config.inlet]
+
+
 def fluid_at(run: Run, snapshots: Particles, number: int, gases: bool = True) -> dict[str, np.ndarray]:
     """All fluid particles of a snapshot, whichever set they are from; without those of gases on demand."""
-    config = config_of(run)
-    every = [fluid.name for fluid in config.fluid if gases or not fluid.gas] + [inlet.name for inlet in config.inlet]
-    names = [name for name in every if name in snapshots.species]
-    parts = [snapshots.read(name, number) for name in names]
+    parts = [snapshots.read(name, number) for name in fluid_names(run, gases) if name in snapshots.species]
     if not parts or not sum(len(part["id"]) for part in parts):
         raise NoData("there are no fluid particles")
     return {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
@@ -112,11 +115,14 @@ def view_limits(run: Run, snapshots: Particles) -> tuple[np.ndarray, np.ndarray]
     low, high = scene.low.copy(), scene.high.copy()
     reached_low, reached_high = np.full(scene.dimensions, np.inf), np.full(scene.dimensions, -np.inf)
     strays = 0.001 if scene.dimensions == 2 else 0.0  # left out on each side: a dot, but not half a ball
+    fluids, bodies = fluid_names(run, gases=True), [wall.name for wall in config_of(run).wall if is_body(wall)]
     for number in range(len(snapshots.steps)):
-        x = fluid_at(run, snapshots, number)["position"][:, : scene.dimensions]
+        x = snapshots.positions(fluids, number)[:, : scene.dimensions]
+        if not len(x):
+            raise NoData("there are no fluid particles")
         reached_low = np.minimum(reached_low, np.quantile(x, strays, axis=0))
         reached_high = np.maximum(reached_high, np.quantile(x, 1.0 - strays, axis=0))
-        solid = walls_at(run, snapshots, number, is_body)[:, : scene.dimensions]
+        solid = snapshots.positions(bodies, number)[:, : scene.dimensions]
         reached_low = np.minimum(reached_low, solid.min(axis=0, initial=np.inf))
         reached_high = np.maximum(reached_high, solid.max(axis=0, initial=-np.inf))
     margin = 0.03 * (high - low).max()

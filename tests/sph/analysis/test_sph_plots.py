@@ -94,7 +94,8 @@ def test_the_filter_makes_a_triangle_13_ms_wide_of_a_spike():
 def one_snapshot(monkeypatch, particles, t):
     """Figures of particles find these of the fluid, at one time, and none of walls."""
     monkeypatch.setattr(particle_plots, "fluid_at", lambda *_, **__: particles)
-    only = SimpleNamespace(times=np.array([t]), steps=np.array([7]), species=(), index=lambda step: 0)
+    only = SimpleNamespace(times=np.array([t]), steps=np.array([7]), species=(), index=lambda step: 0,
+                           positions=lambda names, _: particles["position"][: len(names) * 3])  # fmt: skip
     monkeypatch.setattr(particle_plots, "snapshots_of", lambda _: only)
 
 
@@ -127,8 +128,10 @@ def test_gases_are_dots_beside_liquids(monkeypatch):
     places = {"water": np.array([[0.1, 0.2, 0.0]]), "air": np.array([[0.4, 0.5, 0.0], [0.8, 0.3, 0.0]])}
     rows = {name: {"id": np.arange(len(x)), "position": x, "pressure": np.full(len(x), 900.0)}
             for name, x in places.items()}  # fmt: skip
+    none = np.zeros((0, 3))
     snapshots = SimpleNamespace(times=np.array([0.3]), steps=np.array([7]), species=("water", "air"),
-                                index=lambda step: 0, read=lambda name, number: rows[name])  # fmt: skip
+                                index=lambda step: 0, read=lambda name, number: rows[name],
+                                positions=lambda names, _: np.concatenate([none, *map(places.get, names)]))  # fmt: skip
     monkeypatch.setattr(particle_plots, "snapshots_of", lambda _: snapshots)
     run = case_of("dam-break-air")
     assert len(particle_plots.fluid_at(run, snapshots, 0)["id"]) == 3
@@ -324,6 +327,11 @@ def test_bodies_in_space_are_painted_where_they_are(tmp_path):
     assert done.returncode == 0, done.stdout + done.stderr
     run = open_run(folder)
     snapshots = run.particle_snapshots
+    for number in range(len(snapshots.times)):
+        for names in (["water"], ["water", "ball"], ["ball"], []):
+            whole = np.concatenate([np.zeros((0, 3)), *(snapshots.read(name, number)["position"] for name in names)])
+            found = snapshots.positions(names, number)
+            np.testing.assert_array_equal(np.sort(found, axis=0), np.sort(whole, axis=0))
     t = snapshots.times[-1]
     (ends,) = particle_plots.moorings_at(run, snapshots, len(snapshots.times) - 1)
     fallen = 9.81 * t * t / 2  # freely: a long line does not pull
