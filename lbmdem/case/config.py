@@ -345,7 +345,7 @@ class LbmDemConfig(Section):
 
     @property
     def end_time(self) -> float:
-        """Of the last step, s."""
+        """Time of the last step, s."""
         return self.n_steps * self.time_step
 
     @property

@@ -56,6 +56,11 @@ class Case:
         self._sets: tuple[str, ...] = ()
         self._read()
 
+    def __setattr__(self, name: str, value: Any) -> None:
+        if not name.startswith("_"):
+            raise AttributeError(f"{name}: a case never changes; changed({{...}}) makes another one")
+        super().__setattr__(name, value)
+
     def _keep(self, given: Mapping[str, Any]) -> str:
         """Write arrays that a case starts from; the path of their file. Raises ConfigError."""
         try:

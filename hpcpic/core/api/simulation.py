@@ -35,8 +35,11 @@ class Simulation:
     ...     sim.iteration
     3
 
-    Its digest after the last step is that of `run`, whatever the ranks, threads and observers.
+    Its digest after the last step is that of `run`, whatever the ranks, threads and observers. It goes on as its case
+    says: nothing of it can be set, and what it gives are copies that cannot be written to.
     """
+
+    _open = False
 
     def __init__(
         self, app: App, config: Any, threads: int | None = None, checkpoints: tuple[RunDir, Tree] | None = None
@@ -65,6 +68,14 @@ class Simulation:
         self._guard = Guard(self.world, self.model.guard, self.model.iteration)
         self._observers: list[Observer] = []
         self._open = True
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if self._open and not name.startswith("_"):
+            raise AttributeError(
+                f"{name}: a simulation goes on as its case says; case.changed({{...}}).simulation() makes another one, "
+                "which `start` lets begin from arrays"
+            )
+        super().__setattr__(name, value)
 
     def _take_up(self, app: App, rundir: RunDir, tree: Tree) -> None:
         from hpcpic.core.cli.job import fixed_settings, refuse_others
@@ -201,7 +212,7 @@ class Simulation:
         return checkpoint.digest(self.world, self.model.state())
 
     def fields(self, name: str) -> xarray.DataArray:
-        """A field on the whole grid, on every rank, with the places of its points."""
+        """A field on the whole grid, on every rank, with the places of its points; a copy that is read only."""
         self._meet(f"fields({name!r})")
         found = self.model.fields()
         if name not in found:
@@ -209,12 +220,12 @@ class Simulation:
         domain, field = self.model.domain, found[name]
         values = self._everywhere(np.ascontiguousarray(field.values))
         first = [domain.offset * step for step in domain.spacing]
-        return arrays.field(name, values, domain.spacing, first, self._attributes(units=field.unit))
+        return arrays.field(name, _kept(values), domain.spacing, first, self._attributes(units=field.unit))
 
     def particles(self, name: str | None = None) -> xarray.Dataset:
         """All particles of one species, fluid or set of grains, on every rank, in the order of their numbers; without a
-        name those of the only one. In double precision, which holds any state exactly; snapshots of SPH hold all but
-        the positions in single precision.
+        name those of the only one. A copy that is read only, in double precision, which holds any state exactly;
+        snapshots of SPH hold all but the positions in single precision.
         """
         self._meet(f"particles({name!r})" if name else "particles()")
         found = self.model.particles()
@@ -227,7 +238,8 @@ class Simulation:
         whole = {key: self._everywhere(np.ascontiguousarray(values)) for key, values in columns.items()}
         order = np.argsort(whole["id"], kind="stable")
         units = {"position": "m", **own.units}
-        return arrays.particles({key: values[order] for key, values in whole.items()}, units, self._attributes())
+        kept = {key: _kept(values[order]) for key, values in whole.items()}
+        return arrays.particles(kept, units, self._attributes())
 
     def _attributes(self, **more: str) -> dict[str, Any]:
         return {"time": self.time, "step": self.iteration, **more}
@@ -239,3 +251,10 @@ class Simulation:
             return rows if whole is None else whole
         content = world.bcast(None if whole is None else whole.tobytes())
         return np.frombuffer(bytearray(content), rows.dtype).reshape(-1, *rows.shape[1:])
+
+
+def _kept(values: NDArray) -> NDArray:
+    """A view that is read only, as the simulation would not go on with what is written to it."""
+    values = values.view()
+    values.flags.writeable = False
+    return values

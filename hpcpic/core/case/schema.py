@@ -57,6 +57,9 @@ class Section(BaseModel):
     # largest magnitude of a number, the inverse of the smallest: products of a few must stay in floating point
     largest: ClassVar[float] = math.inf
 
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise AttributeError(f"{name}: a configuration never changes; case.changed({{...}}) makes another case")
+
     @classmethod
     def modernised(cls, tree: Tree) -> None:
         """Rewrite older spellings in the tree before it is validated; notes go to tree.warnings."""

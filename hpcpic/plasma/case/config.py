@@ -300,7 +300,7 @@ class PlasmaConfig(Section):
 
     @property
     def end_time(self) -> float:
-        """Of the last step, s."""
+        """Time of the last step, s."""
         return self.n_steps * self.simulation.time_step
 
     @property

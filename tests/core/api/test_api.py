@@ -60,6 +60,42 @@ def test_a_simulation_in_memory_ends_as_the_run(oscillation):
         assert sim.particles(name).equals(oscillation.particles(name))
 
 
+@pytest.mark.parametrize(
+    "case",
+    [
+        hpcpic.Case("plasma-oscillation").changed(SHORT),
+        sph.Case("water-column").changed({"numerics.spacing": 0.05}),
+        lbmdem.Case("settling-disc"),
+    ],
+)
+def test_what_cannot_change_a_simulation_is_refused(case):
+    """And what has been read stays as it was when the simulation goes on."""
+    with case.simulation(threads=1) as sim:
+        sim.advance(steps=2)
+        ends, digest = sim.model.end_time, sim.digest()
+        found = [sim.particles(name)[column] for name in sim.model.particles() for column in ("position", "velocity")]
+        found += [sim.fields(name) for name in sim.model.fields()]
+        for values in found:
+            with pytest.raises(ValueError, match="read-only"):
+                values.values[...] = 1.0
+            with pytest.raises(ValueError, match=r"\.copy\(\)"):  # in the words of xarray
+                values[...] = 1.0
+        own = found[0].copy(deep=True)
+        own[...] = 1.0
+        for name in ("time_step", "time", "gravity", "model", "end_time"):
+            with pytest.raises(AttributeError, match=rf"{name}: a simulation goes on as its case says; case\.changed"):
+                setattr(sim, name, 1.0)
+        with pytest.raises(AttributeError, match=r"end_time: a configuration never changes; case\.changed"):
+            case.config.simulation.end_time = 1.0
+        with pytest.raises(AttributeError, match="config: a case never changes; changed"):
+            case.config = None
+        assert sim.digest() == digest and sim.model.end_time == ends
+        before = [np.array(values) for values in found]
+        sim.advance(steps=2)
+        assert sim.digest() != digest
+        assert all(np.array_equal(one, other) for one, other in zip(before, found, strict=True))
+
+
 def test_ctrl_c_is_heard_after_a_whole_step():
     """The state is that of a simulation that was never interrupted."""
     with hpcpic.Case("plasma-oscillation").changed(SHORT).simulation(threads=1) as sim:
