@@ -10,6 +10,7 @@ from lbmdem.grains.dem import Dem
 
 MAX_SPEED = 0.4  # nodes per step beyond which no collision is a fluid any more
 MAX_DENSITY = 2.0  # density of the lattice fluid, likewise; its inverse is the least one
+CURE = "a smaller fluid.relaxation_time or fluid.time_step makes steps shorter, a weaker force the fluid slower"
 MAX_DRIFT = 0.01  # change of the mean density of a fluid that cannot leave
 FEW = 2000  # numbers, of which another checksum is quicker
 MAX_JUMP = 1e-12  # the same between two looks where it stays to rounding: 1e-17 in 50 steps
@@ -44,15 +45,12 @@ def fault(seen: Diagnostics, fluid: Fluid | None, dem: Dem | None, max_overlap: 
     """Why this rank's state is no solution, or None; max_overlap: allowed overlap over diameter."""
     if fluid and seen.fluid:
         if seen.fluid.fastest > MAX_SPEED:
-            return (
-                f"the fluid moves by {seen.fluid.fastest:.3g} nodes in a step (limit {MAX_SPEED}): a smaller "
-                "fluid.relaxation_time or fluid.time_step makes steps shorter, a weaker force the fluid slower"
-            )
+            return f"the fluid moves by {seen.fluid.fastest:.3g} nodes in a step (limit {MAX_SPEED}): {CURE}"
         share = float(fluid.lattice.w[0])  # populations at rest follow the density
         low, high = (1.0 / MAX_DENSITY - 1.0) * 2.0 * share, (MAX_DENSITY - 1.0) * share
         least, most = fluid.rest_bounds()
         if not low <= least <= most <= high:
-            return f"the density left {1 / MAX_DENSITY} .. {MAX_DENSITY} times that of rest"
+            return f"the density left {1 / MAX_DENSITY} .. {MAX_DENSITY} times that of rest: {CURE}"
     if dem and not np.isfinite(dem.grains.x).all():
         return "a grain is nowhere"
     if dem and not all(np.isfinite(dem.grains.columns[name]).all() for name in ("heat", "work")):
