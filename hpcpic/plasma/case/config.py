@@ -25,12 +25,14 @@ from hpcpic.core.case.schema import (
     matching,
     setting,
 )
+from hpcpic.core.case.words import one_of
 from hpcpic.core.files.start import Start, arrays, attach, attached_arrays
 from hpcpic.plasma.case import units
 from hpcpic.plasma.case.older_words import drift_warnings, modernised
 
 Names = Annotated[tuple[str, ...], BeforeValidator(as_tuple)]
 MOST_PARTICLES = 2**32  # of a species: their numbers have 32 bits
+EITHER = ("particles", "particles_per_cell"), ("density", "plasma_frequency"), ("temperature", "thermal_velocity")
 MOST_BLOCKS = 4096  # of a rank: tables of what each hands to each grow with their square
 MOST_POINTS = 2**31 - 1  # of an axis: FFTW counts so far
 
@@ -328,10 +330,10 @@ class PlasmaConfig(Section):
                 species.setdefault("particles", max(lengths, default=0))
         for path in matching(tree.data, ("species",)):
             species = tree.data["species"][path[-1]] if len(path) == 2 else tree.data["species"]
-            given = [name for name in ("particles", "particles_per_cell") if name in species]
-            from_set = [name for name in given if tree.where((*path, name)).file.startswith("--set")]
-            if len(given) == 2 and len(from_set) == 1:  # --set counts, as over the same key
-                tree.drop((*path, *(set(given) - set(from_set))))
+            for words in EITHER:  # both in one file are a fault where they contradict each other
+                given = [(*path, word) for word in words if word in species]
+                if len({tree.where(word).file for word in given}) == 2:
+                    one_of(tree, given)
             tree.warnings += [f"{dotted(path)}.{text}" for text in drift_warnings(species)]
 
     @property
