@@ -50,6 +50,14 @@ class ErrorConfig(Section):
     pause: float = 0.0
     stop_SEM: float = 0.0
 
+    @property
+    def n_steps(self) -> int:
+        return self.steps
+
+    @property
+    def end_time(self) -> float:
+        return self.steps * self.dt
+
 
 class ErrorToy(toy_app.Toy):
     scalar_units: Mapping[str, str] = {"answer": "1", "energy_total": "J"}
