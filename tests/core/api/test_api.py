@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-import pickle
 import signal
 import subprocess
 import sys
@@ -22,7 +21,6 @@ from hpcpic.core.errors import ConfigError
 from sph.app import APP
 
 SHORT = {"simulation.cycles": 12}
-EXAMPLES = Path(__file__).parents[3] / "examples"
 
 
 @pytest.fixture(scope="module")
@@ -431,36 +429,6 @@ with hpcpic.Case("plasma-oscillation").simulation(threads=1) as sim:
     assert (done.returncode != 0) == bool(status) and told in done.stderr, done.stderr
 
 
-TYPED = """
-from hpcpic.core.case.accelerations import register
-def push(x, v, t):
-    return 0.1, 0.0, 0.0
-register("push", push)
-"""
-
-
-@pytest.mark.parametrize("place", ["prompt", "module", "script"])
-def test_what_a_run_cannot_keep_of_a_program_is_told(tmp_path, place):
-    """A function that stands in no file; that of a module which the program imports is kept."""
-    run = f"""
-import hpcpic
-case = hpcpic.Case("plasma-oscillation").changed({{"simulation.cycles": 2, "species[0].acceleration": "push"}})
-run = case.run({str(tmp_path / "run")!r}, threads=1, quiet=True)
-assert list(run.summary["used"]) == {["mine.py"] if place == "module" else []}
-"""
-    (tmp_path / "mine.py").write_text(TYPED if place == "module" else TYPED + run)
-    words = {"prompt": ["-c", TYPED + run], "module": ["-c", "import mine" + run], "script": ["mine.py"]}[place]
-    done = subprocess.run([sys.executable, *words], cwd=tmp_path, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    told = {"prompt": "push: stands in a notebook or at the prompt", "script": "no restart can import it", "module": ""}
-    assert told[place] in done.stderr and ("restart" in done.stderr) == (place != "module")
-    again = subprocess.run(
-        [sys.executable, "-m", "hpcpic", "restart", str(tmp_path / "run"), "--set", "simulation.cycles=4"],
-        capture_output=True, text=True,
-    )  # fmt: skip
-    assert again.returncode == (0 if place == "module" else 2), again.stderr
-
-
 def test_a_restart_in_python_may_go_on_farther_and_changes_nothing_else(oscillation, tmp_path):
     run = cut_off(hpcpic.Case("plasma-oscillation").changed({"simulation.cycles": 6}), tmp_path / "run")
     for wrong, told in (
@@ -481,89 +449,3 @@ def test_a_restart_in_python_may_go_on_farther_and_changes_nothing_else(oscillat
     for use in (run.restart, run.simulation):
         with pytest.raises(hpcpic.FileError, match="no checkpoint"):
             use(threads=1)
-
-
-def arrays_of(n):
-    return np.random.default_rng(2).uniform(0.0, 8.0, (n, 1)), np.linspace(-1.0, 1.0, n)[:, None]
-
-
-def started(**start):
-    return hpcpic.Case(
-        simulation={"cycles": 4, "time_step": 0.1, "space_length": [8.0]}, grid={"points": [8]},
-        species=[{"name": "e", "charge": -1.0, "mass": 1.0, "start": start}],
-    )  # fmt: skip
-
-
-def test_a_run_that_starts_from_arrays_keeps_them(tmp_path):
-    """In memory, from a file beside a saved case, and after a restart when the case is gone: one digest."""
-    x, v = arrays_of(64)
-    case = started(position=x, velocity=v).changed({"simulation.cycles": 8})
-    with case.simulation(threads=1) as sim:
-        np.testing.assert_array_equal(sim.particles()["position"][:, 0], x[:, 0])
-        sim.advance()
-        digest = sim.digest()
-    case.save(tmp_path / "mine.conf")
-    short = hpcpic.Case(tmp_path / "mine.conf").changed({"simulation.cycles": 4})
-    short.run(tmp_path / "run", threads=1, quiet=True)
-    (tmp_path / "mine-start-1.npz").unlink()
-    words = [sys.executable, "-m", "hpcpic", "restart", str(tmp_path / "run"), "--set", "simulation.cycles=8"]
-    assert subprocess.run(words, capture_output=True).returncode == 0
-    assert hpcpic.open_run(tmp_path / "run").digest == digest
-
-
-def test_a_case_survives_pickling_with_its_changes_and_its_arrays():
-    """Also when the case that was pickled, whose files its arrays were in, is gone."""
-    x, v = arrays_of(64)
-    cases = [sph.Case("weir").changed({"numerics.spacing": 0.02}), started(position=x, velocity=v)]
-    told = [repr(case) for case in cases]
-    case, other = pickle.loads(pickle.dumps(cases.pop(0))), pickle.dumps(cases.pop())
-    assert type(case) is sph.Case and case.config.numerics.spacing == 0.02
-    other = pickle.loads(other).changed({"simulation.cycles": 8})
-    with other.simulation(threads=1) as sim:
-        np.testing.assert_array_equal(sim.particles()["position"][:, 0], x[:, 0])
-    assert repr(case) == told[0] and repr(other).startswith(told[1][:-1])
-
-
-@pytest.mark.parametrize(
-    ("start", "told"),
-    [
-        ({"position": np.zeros((4, 2))}, r"position must have the shape \[n, 1\] \(got \[4, 2\]\)"),
-        ({"positions": np.zeros((4, 1))}, "holds an array 'positions'; there are position, velocity"),
-        ({"position": np.zeros((4, 1)), "velocity": np.zeros((3, 1))}, "arrays of different lengths: 3, 4"),
-        ({"velocity": [[np.nan]]}, "velocity must hold finite numbers"),
-        ({"file": "nowhere.npz"}, "cannot be read as arrays .No such file"),
-    ],
-)
-def test_arrays_that_cannot_be_a_start_are_told(start, told):
-    with pytest.raises(hpcpic.ConfigError, match=told):
-        started(**start)
-
-
-def test_a_script_that_registers_a_kernel_makes_a_run_that_restarts(tmp_path):
-    run = [sys.executable, str(EXAMPLES / "own_kernel.py"), str(tmp_path / "run")]
-    done = subprocess.run(run, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    words = [sys.executable, "-m", "sph", "restart", str(tmp_path / "run"), "--until", "0.03"]
-    done = subprocess.run(words, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    script = f"import sph; print(sph.open_run({str(tmp_path / 'run')!r}).restart(until=0.04, quiet=True).status)"
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
-    assert done.stdout == "finished\n", done.stderr
-    assert (tmp_path / "run/given/own_kernel.py").read_text() == (EXAMPLES / "own_kernel.py").read_text()
-
-
-@pytest.mark.slow
-@pytest.mark.timeout(600)
-@pytest.mark.parametrize("name", sorted(path.stem for path in EXAMPLES.glob("*.py")))
-def test_examples_run_on_one_rank_and_on_two(name, tmp_path):
-    """The same digests on two ranks as on one, once each: ranks that print at the same time mix their lines."""
-    told = []
-    for ranks in (1, 2):
-        folder = tmp_path / str(ranks)
-        launcher = [] if ranks == 1 else [str(Path(sys.executable).with_name("mpirun")), "-n", "2"]
-        arguments = [str(folder)] if "[FOLDER]" in (EXAMPLES / f"{name}.py").read_text() else []
-        words = [*launcher, sys.executable, "-m", "mpi4py", str(EXAMPLES / f"{name}.py"), *arguments]
-        done = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path)
-        assert done.returncode == 0, done.stderr
-        told.append([line for line in done.stdout.splitlines() if len(line) == 64 and " " not in line])
-    assert told[0] == told[1]

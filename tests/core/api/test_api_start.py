@@ -1,0 +1,67 @@
+"""Cases that start from arrays in Python, and copies of cases."""
+
+import pickle
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import hpcpic
+import sph
+
+
+def arrays_of(n):
+    return np.random.default_rng(2).uniform(0.0, 8.0, (n, 1)), np.linspace(-1.0, 1.0, n)[:, None]
+
+
+def started(**start):
+    return hpcpic.Case(
+        simulation={"cycles": 4, "time_step": 0.1, "space_length": [8.0]}, grid={"points": [8]},
+        species=[{"name": "e", "charge": -1.0, "mass": 1.0, "start": start}],
+    )  # fmt: skip
+
+
+def test_a_run_that_starts_from_arrays_keeps_them(tmp_path):
+    """In memory, from a file beside a saved case, and after a restart when the case is gone: one digest."""
+    x, v = arrays_of(64)
+    case = started(position=x, velocity=v).changed({"simulation.cycles": 8})
+    with case.simulation(threads=1) as sim:
+        np.testing.assert_array_equal(sim.particles()["position"][:, 0], x[:, 0])
+        sim.advance()
+        digest = sim.digest()
+    case.save(tmp_path / "mine.conf")
+    short = hpcpic.Case(tmp_path / "mine.conf").changed({"simulation.cycles": 4})
+    short.run(tmp_path / "run", threads=1, quiet=True)
+    (tmp_path / "mine-start-1.npz").unlink()
+    words = [sys.executable, "-m", "hpcpic", "restart", str(tmp_path / "run"), "--set", "simulation.cycles=8"]
+    assert subprocess.run(words, capture_output=True).returncode == 0
+    assert hpcpic.open_run(tmp_path / "run").digest == digest
+
+
+def test_a_case_survives_pickling_with_its_changes_and_its_arrays():
+    """Also when the case that was pickled, whose files its arrays were in, is gone."""
+    x, v = arrays_of(64)
+    cases = [sph.Case("weir").changed({"numerics.spacing": 0.02}), started(position=x, velocity=v)]
+    told = [repr(case) for case in cases]
+    case, other = pickle.loads(pickle.dumps(cases.pop(0))), pickle.dumps(cases.pop())
+    assert type(case) is sph.Case and case.config.numerics.spacing == 0.02
+    other = pickle.loads(other).changed({"simulation.cycles": 8})
+    with other.simulation(threads=1) as sim:
+        np.testing.assert_array_equal(sim.particles()["position"][:, 0], x[:, 0])
+    assert repr(case) == told[0] and repr(other).startswith(told[1][:-1])
+
+
+@pytest.mark.parametrize(
+    ("start", "told"),
+    [
+        ({"position": np.zeros((4, 2))}, r"position must have the shape \[n, 1\] \(got \[4, 2\]\)"),
+        ({"positions": np.zeros((4, 1))}, "holds an array 'positions'; there are position, velocity"),
+        ({"position": np.zeros((4, 1)), "velocity": np.zeros((3, 1))}, "arrays of different lengths: 3, 4"),
+        ({"velocity": [[np.nan]]}, "velocity must hold finite numbers"),
+        ({"file": "nowhere.npz"}, "cannot be read as arrays .No such file"),
+    ],
+)
+def test_arrays_that_cannot_be_a_start_are_told(start, told):
+    with pytest.raises(hpcpic.ConfigError, match=told):
+        started(**start)
