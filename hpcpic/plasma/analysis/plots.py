@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from hpcpic.core.files.reader import Fields, Run
 
 SIGNED, POSITIVE = "RdBu_r", "viridis"
+MOST_HARMONICS = 40  # that a spectrum can show apart
 
 
 def _fields(run: Run) -> Fields:
@@ -222,13 +223,13 @@ def spectrum(run: Run, step: int | None = None) -> Figure:
 
 def _branches(config: PlasmaConfig, waves: np.ndarray, high: float) -> tuple[list[float], list[float]]:
     """k along x and omega up to `high` of the waves of cold species that do not grow, or of one warm species: Landau's
-    root while damping is weak, Bernstein's across a magnetic field. None where the field is oblique.
+    root while damping is weak, Bernstein's across a magnetic field. None where the field is oblique or too weak to see.
     """
     species, (along, *across) = beams(config), config.field.magnetic
     found: list[tuple[float, float]] = []
     if any(across):
-        if len(species) == 1 and not along and not species[0].drift:
-            wc = fastest_turn(config)
+        wc = fastest_turn(config)
+        if len(species) == 1 and not along and not species[0].drift and high < MOST_HARMONICS * wc:
             found = [(k, w) for k in waves for w in theory.bernstein(k, species[0], wc, high)]
     elif all(b.thermal_velocity == 0.0 for b in species):
         for k in waves:

@@ -133,7 +133,7 @@ def bernstein(k: float, beam: Beam, cyclotron_frequency: float, most: float) -> 
     larmor2 = (k * beam.thermal_velocity / wc) ** 2
     if larmor2 == 0.0:
         return [float(np.hypot(wp, wc))]
-    harmonics = np.arange(1, 20 + int(most / wc) + int(larmor2 + 6 * np.sqrt(larmor2)))
+    harmonics = np.arange(1, 20 + int(most / wc) + int(10 * np.sqrt(larmor2)))  # they fall as exp(-n^2 / (2 larmor2))
     weights = 2.0 * (wp / wc) ** 2 * harmonics**2 * ive(harmonics, larmor2) / larmor2
 
     def permittivity(x: float) -> float:
