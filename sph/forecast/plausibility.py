@@ -249,9 +249,15 @@ def rigid_bodies(scene: Scene) -> Iterator[Derived]:
         gaps = [(gap(wall, other), other.name) for other in scene.walls if other is not wall]
         for least, name in sorted(gaps)[:1]:
             verdict: Verdict = "ok" if least >= -TOUCHING * scene.spacing else "fail"
+            source = "contacts push apart what overlaps"
             cure = "" if verdict == "ok" else f"a place where it touches {name} or is away from it"
-            yield Derived(f"gap between {wall.name} and {name}", "", least, "m", ">= 0", verdict,
-                          "contacts push apart what overlaps", cure, (*key, "shape"))  # fmt: skip
+            limit, wet = ">= 0", any(wall.name in fluid.clipped for fluid in scene.fluids)
+            if verdict == "ok" and wet and least < (1.0 - TOUCHING) * scene.spacing:
+                verdict, limit = "warn", f">= {scene.spacing:g}, a layer of fluid"
+                source = f"no fluid gets between them: what is around {wall.name} presses it against {name}"
+                cure = f"a gap of {scene.spacing:g} m"
+            yield Derived(f"gap between {wall.name} and {name}", "", least, "m", limit, verdict, source, cure,
+                          (*key, "shape"))  # fmt: skip
         part = share(wall, x)
         verdict = "ok" if part >= LIGHTEST else "fail"
         cure = "" if verdict == "ok" else "a larger density, or a smaller spacing"

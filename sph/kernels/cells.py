@@ -6,7 +6,7 @@ layer itself), a fine cell 1/FINE of an edge of a row. Tables exist for the occu
 rows[l] = (first row, number of rows, place of the first in row_table) of layer l
 row_table[k] = (slot of the first body, first fine cell, number of fine cells, place in fine_start, first and end of the
     fine cells, counted from the first, between which there is fluid only, as many as can be; first and end of the
-    slots between which all its fluid is)
+    slots between which all its fluid and rigid bodies are)
 fine_start[place + c] = slot of the first body of fine cell c or later; one more entry closes the row
 
 Slots of a layer begin at base[l], with room for two vectors after the last: loads and stores may overrun.
@@ -30,7 +30,7 @@ from hpcpic.core.simd.vector import (
     splat,
     store,
 )  # fmt: skip
-from sph.kernels.marks import FLOWS, FLUID, NO_DENSITY, OWN, PLAIN
+from sph.kernels.marks import FLOWS, FLUID, NO_DENSITY, OWN, PLAIN, SOLIDS
 
 DIM = 3
 
@@ -196,7 +196,7 @@ def arrange(block, blocks, begin, base, bucket, row, fine, key, flags, table, bo
             kind[s] = flags[np.uint32(body[s])] & ~PLAIN
         for k in range(at, at + n_rows):
             cells_with_fluid_only(row_table[k], fine_start, kind)
-            slots_with_fluid(row_table[k], fine_start, kind)
+            slots_with_partners(row_table[k], fine_start, kind)
 
 
 @njit
@@ -251,12 +251,12 @@ def cells_with_fluid_only(entry, fine_start, kind):
 
 
 @njit
-def slots_with_fluid(entry, fine_start, kind):
-    """Find the slots from the first to the last fluid of a row."""
+def slots_with_partners(entry, fine_start, kind):
+    """Find the slots from the first to the last of a row that is fluid or of a rigid body: whom walls meet."""
     first, end = entry[0], fine_start[entry[3] + entry[2]]
-    while first < end and kind[first] & FLUID == 0:
+    while first < end and kind[first] & (FLUID | SOLIDS) == 0:
         first += 1
-    while first < end and kind[end - 1] & FLUID == 0:
+    while first < end and kind[end - 1] & (FLUID | SOLIDS) == 0:
         end -= 1
     entry[6], entry[7] = first, end
 

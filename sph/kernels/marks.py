@@ -13,7 +13,9 @@ PARTNERS = FLUID | REAL  # two meet of which one is fluid and one real
 EXTRAPOLATED = 128  # of a wall whose density follows from the fluid before it
 NO_DENSITY = REPULSIVE | EXTRAPOLATED  # that evolves
 SLIPS = 256  # of a wall without friction
-NORMAL = 9  # flags >> this: number of the normal of a repulsive particle
+SOLID = 9  # flags >> this, of these: number of a rigid body, 0 for all else
+SOLIDS = 255 << SOLID
+NORMAL = 17  # flags >> this: number of the normal of a repulsive particle
 
 LIQUID = NORMAL  # flags >> this: number of the liquid of fluid (physics.liquids)
 

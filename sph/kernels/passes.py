@@ -36,9 +36,9 @@ ARGUMENTS = (
 GIVEN = ("d", "n", "beyond", "solid_i", "solid_j")  # that the loops compute
 MASKS = {"both_flow": f"kinds & class_i & {FLOWS} == {FLOWS}"}  # of pairs, by their flags (see `Pairs`)
 WALL_MASKS = {  # the same, in cases with walls that follow the fluid
-    "one_follows": f"(kinds | class_i) & {EXTRAPOLATED} != 0",
-    "one_sticks": f"(kinds | class_i) & {EXTRAPOLATED | SLIPS} == {EXTRAPOLATED}",
-    "none_slips": f"(kinds | class_i) & {SLIPS} == 0",
+    "one_follows": f"(kinds ^ class_i) & {EXTRAPOLATED} != 0",
+    "one_sticks": f"(kinds ^ class_i) & {EXTRAPOLATED | SLIPS} == {EXTRAPOLATED}",
+    "none_slips": f"(kinds | class_i) & {SLIPS} | (kinds & class_i) & {EXTRAPOLATED} == 0",
 }
 
 HEAD = """
@@ -47,6 +47,7 @@ from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.vector import (
     Vec, address_of, bitmask, convert, fma, lane_numbers, load, prefetch, prefetch_to_write, select, splat, store, total
 )
+from sph.kernels.runs import across_a_film
 from sph.physics import terms
 from sph.physics.smoothing import SMOOTHING
 
@@ -183,6 +184,8 @@ class PassText:
         lines = self._distance() + self._prepared("F", known, mixed)
         if mixed:
             lines += ["kinds = load(I_, flags, j)", f"partners = (kinds | class_i) & {PARTNERS} == {PARTNERS}"]
+            if self.one.films:
+                lines.append("partners = partners | across_a_film(kinds, class_i)")
             lines += ["F = select(partners, F, 0.0)"]
         return lines
 

@@ -28,7 +28,7 @@ from hpcpic.core.simd.vector import (
     sqrt,
     store,
 )  # fmt: skip
-from sph.kernels.marks import FLOWING_FLUID, FLOWS, FLUID, PARTNERS, PLAIN
+from sph.kernels.marks import EXTRAPOLATED, FLOWING_FLUID, FLOWS, FLUID, PARTNERS, PLAIN, REAL, SOLIDS
 
 DIM = 3
 
@@ -193,7 +193,8 @@ def chords(height, left, many, row, cells):
 def cut(same, first, since, reach, kinds, flags, cells, start, row, begins, lengths, met):
     """Find the runs of the bodies of a row. In another row than their own they go from about the first to about the
     last body that is within the radius and of a class that the body has to do with. met[m] is not 0 from now on where
-    there is one without FLOWS. What is no fluid only meets fluid, which is in a part of the row. Returns the longest.
+    there is one without FLOWS. Walls only meet fluid and rigid bodies, which are in a part of the row; bodies meet all
+    but themselves. Returns the longest.
     """
     longest, wet, wet_end = 0, np.int64(row[6]) - since, np.int64(row[7]) - since
     for m in range(np.uint64(kinds.size)):
@@ -205,9 +206,9 @@ def cut(same, first, since, reach, kinds, flags, cells, start, row, begins, leng
             if not same:  # there most are within it
                 at, end = cut_ends(reach, b, at, end)
         else:
-            if kinds[m] & FLUID == 0:
+            if kinds[m] & (FLUID | SOLIDS) == 0:
                 at, end = max(at, wet), min(end, wet_end)
-            at, end, without_flow = cut_classes(reach, flags, kinds[m] & PARTNERS, b, at, end)
+            at, end, without_flow = cut_classes(reach, flags, kinds[m], b, at, end)
             met[m] |= without_flow != 0
         length = max(end - at, 0)
         longest = max(longest, length)
@@ -232,13 +233,23 @@ def cut_classes(reach, flags, kind, b, at, end):
     low, high, without_flow = end, min(at, end), np.int64(0)
     while at < end:
         kinds = load(KINDS, flags, at)
-        bits = reached(reach, b, at) & bitmask((kinds | kind) & PARTNERS == PARTNERS)
+        bits = bitmask((kinds | kind) & PARTNERS == PARTNERS)
+        if kind & EXTRAPOLATED != 0:
+            bits |= bitmask(across_a_film(kinds, kind))
+        bits &= reached(reach, b, at)
         bits &= (1 << min(end - at, np.int64(M))) - 1
         without_flow |= bits & bitmask(kinds & FLOWS == 0)
         if bits != 0:
             low, high = min(low, at + first_bit(bits)), at + last_bit(bits) + 1
         at += M
     return min(low, high), high, without_flow
+
+
+@njit
+def across_a_film(kinds, kind):
+    """Whether two are of a rigid body and of another solid, both with the pressure of the fluid between these."""
+    meet = ((kinds | kind) & REAL != 0) & ((kinds ^ kind) & SOLIDS != 0)
+    return meet & (kinds & kind & EXTRAPOLATED != 0)
 
 
 @njit

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.errors import Diverged
 from hpcpic.core.space.products import product
-from sph.kernels.marks import EXTRAPOLATED, NORMAL, REAL, REPULSIVE, SLIPS, WALL_BITS
+from sph.kernels.marks import EXTRAPOLATED, NORMAL, REAL, REPULSIVE, SLIPS, SOLID, WALL_BITS
 from sph.particles.slabs import Slabs
 from sph.particles.storage import Storage
 from sph.particles.tasks import Tasks
@@ -154,6 +154,7 @@ class Walls:
         kinds = np.array(
             [REAL | REPULSIVE * r.repulsive | EXTRAPOLATED * r.extrapolated | SLIPS * r.slips for r in rules]
         )
+        kinds |= [(wall.index + 1) << SOLID if wall.rigid else 0 for wall in scene.walls]
         mass = np.full(len(ids), scene.rho0 * scene.spacing**scene.dimensions)
         v = self.velocity[index][:, list(scene.axes)].T
         storage.append(x, v, drho, mass, ids, kinds[index] | scene.normal_of(ids) << NORMAL)

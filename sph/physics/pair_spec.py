@@ -134,7 +134,9 @@ class Sum(NamedTuple):
 class Pass:
     """Lines of a pair, sums of them, and lines that give `wall`, the further force on i next to a repulsive wall.
 
-    inside: fluid that meets nothing else takes part. by_volume: a body gives in proportion to its volume.
+    inside: fluid that meets nothing else takes part. by_volume: a body gives in proportion to its volume. films: of
+    rigid bodies and other solids takes part what lies on either side of a film of fluid, too thin to bear all that they
+    press on each other.
     """
 
     lines: list[Line] = field(default_factory=list)
@@ -142,6 +144,7 @@ class Pass:
     wall: list[Line] = field(default_factory=list)
     inside: bool = True
     by_volume: bool = False
+    films: bool = False
 
 
 def momentum(spec: PairSpec) -> Pass:
@@ -169,7 +172,7 @@ def momentum(spec: PairSpec) -> Pass:
     wall = [Line("wall", terms.repulsion)] * spec.repulsive
     if wall and viscosity.wall_drag:
         wall.append(Line("wall", viscosity.wall_drag))
-    return Pass(lines, [force], wall)
+    return Pass(lines, [force], wall, films=spec.turning and spec.extrapolated)
 
 
 def continuity(spec: PairSpec) -> Pass:
@@ -275,7 +278,7 @@ def joined(parts: list[Pass]) -> Pass:
     every = [(part.lines, part.sums, part.wall) for part in parts]
     lines, sums, wall = ([item for group in groups for item in group] for groups in zip(*every))
     inside, by_volume = any(part.inside for part in parts), all(part.by_volume for part in parts)
-    return Pass(lines, sums, wall, inside, by_volume)
+    return Pass(lines, sums, wall, inside, by_volume, films=any(part.films for part in parts))
 
 
 def sums_of(spec: PairSpec, one: Pass) -> list[str]:
