@@ -145,15 +145,14 @@ def test_a_film_of_water_bears_what_solids_press_on_each_other(d, smoothing, pre
     Archimedes and is drawn nowhere. Corners lack up to 3.4 % of it; of the pressures, a few times the lift, films alone
     bear as little as 0.8.
     """
-    dp, d_more = 0.05, d - 2
+    low, high = [0.3] * (d - 2) + [0.05], [0.6] * (d - 2) + [0.3]
     walls = tank(d, "extrapolated-free-slip")[9:-3]
-    low, high = [dp] + [0.3] * d_more + [dp], [0.3] + [0.6] * d_more + [0.3]
-    one = body(f"box = {{ low = {low}; high = {high}; }};")
-    two = body(f"box = {{ low = {[0.35] + low[1:]}; high = {[0.6] + high[1:]}; }};", name="other")
-    sph = engine(d=d, spacing=dp, fill=(1.0,) * d, smoothing=smoothing, flux="delta", sound=60.0, precision=precision,
+    one = body(f"box = {{ low = {[0.05, *low]}; high = {[0.3, *high]}; }};")
+    two = body(f"box = {{ low = {[0.35, *low]}; high = {[0.6, *high]}; }};", name="other")
+    sph = engine(d=d, spacing=0.05, fill=(1.0,) * d, smoothing=smoothing, flux="delta", sound=60.0, precision=precision,
                  more=bodies(walls, one, two))  # fmt: skip
     forces = sph.wall_forces()
-    lift = 9810.0 * 0.25**2 * 0.3**d_more
+    lift = 9810.0 * 0.25**2 * 0.3 ** (d - 2)
     for name in ("raft", "other"):
         force = forces[name][0]
         assert force[d - 1] == pytest.approx(lift, rel=0.05)
