@@ -16,7 +16,7 @@ from sph.setup.flows import at_rest, load
 from sph.setup.obstacles import NEAR
 from sph.setup.openings import Source
 from sph.setup.rigid.mass import share
-from sph.setup.rigid.surfaces import gap
+from sph.setup.rigid.surfaces import gap, off
 from sph.setup.scene import Scene, Wall
 from sph.setup.signed_distance import signed_distance
 from sph.setup.speeds import fastest, motion_speed, speed_jump, speed_scale
@@ -49,6 +49,7 @@ def sensible(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     yield from bodies_outside(config)
     yield from falling(scene)
     yield from rigid_bodies(scene)
+    yield from films(scene)
     yield from openings(config, scene)
     if config.fluid:
         limits = f"{1 - MAX_DENSITY_ERROR:g} .. {1 + MAX_DENSITY_ERROR:g} rho0"
@@ -238,6 +239,19 @@ def ways_of_fluid(config: SphConfig) -> Iterator[tuple[geometry.Point, geometry.
     for low, high, velocity in starts:
         way = [v * t + g * t * t / 2 for v, g in zip(velocity or (0.0,) * len(low), config.gravity)]
         yield tuple(a + min(0.0, s) for a, s in zip(low, way)), tuple(b + max(0.0, s) for b, s in zip(high, way))
+
+
+def films(scene: Scene) -> Iterator[Derived]:
+    """Solids whose force is measured and that lie so near others that the fluid between does not carry all of it."""
+    for wall in scene.walls:
+        if wall.rigid or not (wall.section.solid and wall.measure_force and wall.rule.layered):
+            continue
+        key = ("wall", wall.index, "shape")
+        gaps = [(off(wall, other), other.name) for other in scene.walls if other is not wall]
+        for least, name in [one for one in sorted(gaps)[:1] if TOUCHING < one[0] / scene.spacing < 2.0 - TOUCHING]:
+            yield Derived(f"layers of fluid between {wall.name} and {name}", "n", least / scene.spacing, "", ">= 2",
+                          "warn", f"one layer carries 0.8 of the pressure, force_{wall.name} lacks the rest",
+                          f"spacing = {least / 2:.3g}, or they touch", key)  # fmt: skip
 
 
 def rigid_bodies(scene: Scene) -> Iterator[Derived]:

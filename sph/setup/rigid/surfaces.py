@@ -6,6 +6,7 @@ itself, whose distance has no kinks outside, so the force of a contact has a pot
 """
 
 import itertools
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -58,11 +59,13 @@ def sides(a: Any, b: Any) -> list[tuple[Any, Any]]:
 
 def gap(a: Any, b: Any) -> float:
     """Distance of two solids at t = 0, m; below 0: they are in each other."""
-    least = np.inf
-    for one, other in sides(a, b):
-        x, radius = spheres(one.shape, one.scene.spacing)
-        least = min([least, *(float((apart - radius).min()) for apart, _ in surfaces(other, x))])
-    return least
+    return min((off(one, other) for one, other in sides(a, b)), default=math.inf)
+
+
+def off(one: Any, other: Any) -> float:
+    """How far the spheres of a solid are from another one at t = 0, m."""
+    x, radius = spheres(one.shape, one.scene.spacing)
+    return min((float((apart - radius).min(initial=math.inf)) for apart, _ in surfaces(other, x)), default=math.inf)
 
 
 def pairs(walls: list[Any]) -> list[tuple[Any, Any]]:

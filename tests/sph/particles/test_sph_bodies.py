@@ -236,3 +236,11 @@ def test_fluid_that_slips_along_a_disc_does_not_turn_it(kind, turned):
     for _ in range(5):
         sph.step()
     assert (abs(sph.bodies.state[0, 12]) > 0.0) == turned
+
+
+@pytest.mark.parametrize(("low", "told"), [(0.0, 0), (0.05, 1), (0.08, 1), (0.1, 0)])
+def test_a_measured_solid_is_two_layers_from_others_or_touches_them(low, told):
+    pier = f"""{{ name = "pier"; solid = true; measure_force = true;
+        shape = {{ box = {{ low = [0.3, {low}]; high = [0.7, 0.4]; }}; }}; }}"""
+    found = derived(config(more=bodies(tank(kind="extrapolated-free-slip")[9:-3], pier)))
+    assert [line.verdict for line in found if line.name.startswith("layers of fluid")] == ["warn"] * told
