@@ -1,4 +1,4 @@
-"""Flows through inlets and outlets against theory and experiment: the shipped cases."""
+"""Flows through inlets and outlets, and long waves, against theory and experiment."""
 
 import numpy as np
 import pytest
@@ -88,3 +88,51 @@ def test_a_solitary_wave_leaves_through_an_outlet(tmp_path):
     back, thrown = (np.abs(other - free)[times > 3.6].max() / free.max() for other in (leaves, fixed))
     print(free.max(), back, thrown)
     assert free.max() > 0.034 and back < 0.05 and thrown > 0.6
+
+
+CLOSED = """
+simulation = { dimensions = 2; end_time = 2.4; };
+gravity = [0.0, -9.81];
+fluid = ( { surface = 0.39; start = { file = "FILE"; }; } );
+eos = { sound_speed = 24.0; };
+numerics = { spacing = 0.015; };
+wall = ( { shape = { box = { low = [0.0, 0.0]; high = [8.0, 0.6]; open = ["y+"]; }; }; } );
+gauge = ( { name = "before"; what = "elevation"; at = [4.5, 0.0]; }, { name = "after"; what = "elevation"; at = [6.0, 0.0]; } );
+output = { period = { series = 0.01; }; };
+"""
+
+
+@pytest.mark.parametrize(
+    ("smoothing", "corrected", "least"), [(2.0, False, 0.086), (1.5, True, 0.084)], ids=["h/dp 2", "corrected"]
+)
+def test_a_solitary_wave_keeps_its_speed_and_height(smoothing, corrected, least, tmp_path):
+    """Of Boussinesq, 9 cm in 30 cm: c^2 = g (depth + height), by when half of its height passes two gauges."""
+    depth, height, dp, middle = 0.3, 0.09, 0.015, 2.0
+    k, c = np.sqrt(0.75 * height / depth**3), np.sqrt(9.81 * (depth + height))
+    x = np.linspace(0.0, 8.0, 80_001)
+    rise = height / np.cosh(k * (x - middle)) ** 2
+    area = np.concatenate([[0.0], np.cumsum((depth + (rise[1:] + rise[:-1]) / 2) * np.diff(x))])
+    columns, rows = int(area[-1] / (depth * dp)), round(depth / dp)
+    x = np.interp((np.arange(columns) + 0.5) * area[-1] / columns, area, x)[:, None]
+    rise = height / np.cosh(k * (x - middle)) ** 2
+    level = (np.arange(rows) + 0.5) / rows  # over the depth there
+    u = c * rise / (depth + rise)
+    w = level * (u - c) * -2.0 * k * np.tanh(k * (x - middle)) * rise
+    places, speeds = [x, level * (depth + rise)], [u, w]
+    np.savez(tmp_path / "wave.npz", **{name: np.stack(np.broadcast_arrays(*pair), axis=-1).reshape(-1, 2)
+                                       for name, pair in (("position", places), ("velocity", speeds))})  # fmt: skip
+    (tmp_path / "flume.conf").write_text(CLOSED.replace("FILE", str(tmp_path / "wave.npz")))
+    case = sph.Case(tmp_path / "flume.conf").changed(
+        {"numerics.smoothing": smoothing, "numerics.gradient_correction": corrected}
+    )
+    series = case.run(tmp_path / "run", threads=1).series
+    time, tops, passed = np.asarray(series["time"]), [], []
+    for name in ("before", "after"):
+        found = np.convolve(np.asarray(series[name]) - depth, np.ones(9) / 9, "same")[5:-5]
+        top, at = found.max(), np.flatnonzero(found > found.max() / 2)
+        tops.append(top)
+        passed.append((time[5:-5][at[0]] + time[5:-5][at[-1]]) / 2)
+    speed = 1.5 / (passed[1] - passed[0])
+    print(f"speed {speed:.3f} m/s, of its height {np.sqrt(9.81 * (depth + np.mean(tops))):.3f}, heights {tops}")
+    assert speed == pytest.approx(np.sqrt(9.81 * (depth + np.mean(tops))), rel=0.015)  # a sample is 1.3 %
+    assert tops[1] > least
