@@ -164,7 +164,8 @@ def resolution(config: SphConfig) -> Iterator[Derived]:
     if any(config.gravity) and kernel == "wendland2" and WAVES[0][0] <= ratio <= WAVES[0][-1]:
         error, source = round(float(np.interp(ratio, *WAVES)), 1), "a standing wave in a tank, at any spacing, measured"
         yield Derived("error of the period of waves", "", error, "%", source=source)
-        error = CORRECTED_WAVE if config.numerics.gradient_correction else round(float(np.interp(ratio, *LONG_WAVES)), 1)
+        corrected = config.numerics.gradient_correction
+        error = CORRECTED_WAVE if corrected else round(float(np.interp(ratio, *LONG_WAVES)), 1)
         source = "one of 0.3 of the depth after 13 depths, 20 layers, measured; h/dp 2 or gradient_correction cures it"
         yield Derived("error of the speed of a solitary wave", "", error, "%", source=source)
     if config.numerics.shifting and any(config.gravity):

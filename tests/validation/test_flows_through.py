@@ -97,7 +97,8 @@ fluid = ( { surface = 0.39; start = { file = "FILE"; }; } );
 eos = { sound_speed = 24.0; };
 numerics = { spacing = 0.015; };
 wall = ( { shape = { box = { low = [0.0, 0.0]; high = [8.0, 0.6]; open = ["y+"]; }; }; } );
-gauge = ( { name = "before"; what = "elevation"; at = [4.5, 0.0]; }, { name = "after"; what = "elevation"; at = [6.0, 0.0]; } );
+gauge = ( { name = "before"; what = "elevation"; at = [4.5, 0.0]; },
+          { name = "after"; what = "elevation"; at = [6.0, 0.0]; } );
 output = { period = { series = 0.01; }; };
 """
 
