@@ -266,13 +266,17 @@ def filling(config: SphConfig, scene: Scene) -> Iterator[Derived]:
             words = f"of {places} ({share:.1%})"
             title = f"{section.name} clipped by {name}"
             yield Derived(title, "particles", gone, "", words, verdict, "filling", cure, key, fluid.n > 0)
+        if fluid.oblique:
+            source = f"volume beside {', '.join(wall.name for wall in fluid.oblique)}; packed evenly before the run"
+            title = f"mass of {section.name} beside oblique walls"
+            yield Derived(title, "m/m_cells - 1", fluid.filled - 1, "", "", "ok", source)
         if fluid.given is not None:
             continue
         if section.shape.box:
             yield from layers(config, fluid.section, i)
         else:
             exact = section.density * geometry.volume(section.shape)
-            error = fluid.mass * (fluid.n + sum(fluid.clipped.values())) / exact - 1 if exact else 0.0
+            error = fluid.mass / fluid.filled * (fluid.n + sum(fluid.clipped.values())) / exact - 1 if exact else 0.0
             verdict = "ok" if abs(error) < 0.05 else "warn"
             cure = "" if verdict == "ok" else "a smaller spacing follows the shape better"
             yield Derived(f"mass of {section.name}", "m/m_exact - 1", error, "", "< 5 %", verdict, "filling", cure, key)

@@ -42,6 +42,7 @@ from sph.setup.particle_lattices import (
 )
 from sph.setup.rigid.fit import Fitted, beside, fits
 from sph.setup.rigid.mass import rigid_of
+from sph.setup.rigid.packing import oblique, packed, share
 
 REST = 0.9  # of h: distance at which a repulsive layer holds the fluid (S(y) of (SC 9) is 0.25 there)
 FAR = 1e300
@@ -210,6 +211,9 @@ class FluidSet:
     step: float  # m between points where they are nearest: the spacing, but for a box that it does not divide
     clipped: dict[str, int] = field(default_factory=dict)  # by what -> how many
     given: NDArray[np.float64] | None = None  # x[n, d] of the array that the case names
+    oblique: list[Wall] = field(default_factory=list)  # that cut its lattice
+    filled: float = 1.0  # its volume beside them, over that of the cells of its particles
+    packed: tuple[NDArray[np.int64], NDArray[np.float64]] | None = None  # ids[n] and x[n, d] of what has left it
 
     @property
     def n(self) -> int:
@@ -308,15 +312,28 @@ class Scene:
         found |= {"drho": np.zeros(len(ids)), "m": np.zeros(len(ids))}
         for fluid in self.fluids:
             own = (ids >= fluid.first) & (ids < fluid.first + fluid.n)
-            x = self.disordered(fluid, fluid.points(ids[own]), ids[own])
-            if fluid.given is None:
-                x = beside(self.walls, x, fluid.step)
+            x = self.places(fluid, ids[own])
             found["x"][own], found["v"][own] = x, self.initial_velocity(fluid, x, ids[own])
             found["drho"][own] = self.initial_density(fluid.section, x)
             if fluid.given is None:
                 found["x"][own] = rest_distance.before_walls(self, fluid.section, x, found["drho"][own])
             found["m"][own] = fluid.mass
         return found
+
+    def places(self, fluid: FluidSet, ids: NDArray) -> NDArray[np.float64]:
+        """x[n, d] of particles of a fluid before repulsive walls move it."""
+        x = self.from_lattice(fluid, ids)
+        if fluid.oblique:
+            fluid.packed = fluid.packed or packed(self, fluid)
+            own, there = fluid.packed
+            index = np.minimum(np.searchsorted(own, ids), len(own) - 1)
+            x = np.where((own[index] == ids)[:, None], there[index], x)
+        return x
+
+    def from_lattice(self, fluid: FluidSet, ids: NDArray) -> NDArray[np.float64]:
+        """x[n, d] of particles of a fluid as its lattice has them, off solids."""
+        x = self.disordered(fluid, fluid.points(ids), ids)
+        return beside(self.walls, x, fluid.step) if fluid.given is None else x
 
     def initial_velocity(self, fluid: FluidSet, x: NDArray, ids: NDArray) -> NDArray[np.float64]:
         """v[n, d] in m/s: of the array that the case names, or of its flow."""
@@ -363,7 +380,10 @@ class Scene:
         else:
             mass = section.density * self.spacing**self.dimensions
         gone: list[NDArray[np.int64]] = []
+        others: list[NDArray[np.int64]] = []  # of them, what neither its shape nor oblique walls took
         fluid = FluidSet(section, grid, first, mass, np.zeros(0, np.int64), step)
+        fluid.oblique = oblique(self, fluid)
+        cut_by = {wall.name for wall in fluid.oblique}
         if beyond:
             fluid.clipped[DOMAIN] = beyond
         if not section.shape.box:
@@ -374,7 +394,11 @@ class Scene:
             if len(found):
                 fluid.clipped[name] = fluid.clipped.get(name, 0) + len(found)
                 gone.append(found)
+                others += [] if name in cut_by else [found]
         fluid.removed = np.sort(np.concatenate([*gone, np.zeros(0, np.int64)]))  # none twice
+        if fluid.oblique and fluid.n:
+            fluid.filled = share(fluid, np.concatenate([*others, np.zeros(0, np.int64)]))
+            fluid.mass *= fluid.filled
         return fluid
 
 

@@ -1,0 +1,187 @@
+"""Fluid at rest whose lattice a round or inclined wall cuts: it has the mass of the space that it fills, and its
+particles are packed evenly before the run (Colagrossi, Bouscasse, Antuono and Marrone 2012).
+
+A lattice that is cut lies crowded in some places before the wall and leaves gaps in others. Densities have a history:
+where particles even out later, pressures lose what the crowd had in excess. So they even out first, at no pressure.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from sph.kernels.packing import pushes
+from sph.physics.smoothing import SMOOTHING
+from sph.setup import obstacles
+from sph.setup.particle_lattices import Grid, cross, flagged
+from sph.setup.rigid import fit
+from sph.setup.signed_distance import normals, signed_distance
+
+Reals = NDArray[np.float64]
+DEPTH = 8.0  # spacings before a wall in which particles are packed
+ROUNDS = 60
+PUSH, KEPT = 0.3, 0.9  # of h^2 sum V grad W that particles go in a round; of their last way that they go on
+LONGEST = 0.1  # spacings in a round
+SKIN = 0.6  # spacings that pairs are looked for beyond the reach
+LEAST = 0.1  # spacings off a wall, whose particles leave gaps
+TOUCHING = 0.6  # spacings off a wall: nearer, its normal tells whether it is oblique
+LEVEL = 1e-6  # 1 - |cosine| between a normal and an axis, for rounding
+PARTS = 2  # along each axis, of a cell that a wall cuts
+STEP = 1e-3  # of a spacing: over which normals are differences
+
+
+def oblique(scene: Any, fluid: Any) -> list[Any]:
+    """The walls beside which a fluid is packed: those with layers of particles, at rest or moved as the case says, that
+    are no boxes and cut its lattice where it starts at rest under gravity.
+    """
+    section = fluid.section
+    if fluid.given is not None or section.initial_pressure != "hydrostatic" or not scene.gravity.any():
+        return []
+    walls = [wall for wall in scene.walls if fit.fits(wall) and not wall.rigid and not wall.shape.box]
+    return [wall for wall in walls if fluid.grid.n and _cuts(wall, fluid)]
+
+
+def _cuts(wall: Any, fluid: Any) -> bool:
+    """Whether the normal of a wall is along no axis somewhere where the lattice of a fluid touches it."""
+    step = fluid.step
+
+    def touches(x: Reals) -> NDArray[np.bool_]:
+        return np.abs(signed_distance(wall.shape, x, step)) < TOUCHING * step
+
+    x = fluid.grid.points(fluid.grid.unflat(flagged(fluid.grid, None, touches)))
+    normal, way = normals(wall.shape, x, STEP * step), TOUCHING * step
+    gone = signed_distance(wall.shape, x + way * normal) - signed_distance(wall.shape, x)
+    face = gone > (1.0 - LEVEL) * way  # as near to two faces, it goes off them more slowly
+    return bool(np.any(np.abs(normal[face]).max(axis=1, initial=0.0) < 1.0 - LEVEL))
+
+
+def share(fluid: Any, others: NDArray[np.int64]) -> float:
+    """Volume that oblique walls leave to a fluid, over that of the cells of its particles. others: flat indices of the
+    points of its lattice that something else than its shape and these walls has taken.
+    """
+    cells, step, shape = fluid.grid, fluid.step, fluid.section.shape
+    sides = [(fit.outward(wall), wall.shape) for wall in fluid.oblique] + ([] if shape.box else [(-1.0, shape)])
+    d = len(cells.shape)
+    band = math.sqrt(d) / 2 * step
+
+    def within(x: Reals) -> Reals:
+        return np.min([side * signed_distance(shape, x, 2 * band) for side, shape in sides], axis=0)
+
+    whole = np.setdiff1d(flagged(cells, None, lambda x: within(x) > band), others)
+    cut = np.setdiff1d(flagged(cells, None, lambda x: np.abs(within(x)) <= band), others)
+    x, filled = cells.points(cells.unflat(cut)), np.zeros(len(cut))
+    for part in cross([np.arange(PARTS)] * d):
+        at = x + step * ((part + 0.5) / PARTS - 0.5)
+        filled += np.min([part_before(side * signed_distance(shape, at, 2 * band) * PARTS / step,
+                                      normals(shape, at, STEP * step)) for side, shape in sides], axis=0)  # fmt: skip
+    return (len(whole) + math.fsum(filled) / PARTS**d) / fluid.n
+
+
+def part_before(off: Reals, normal: Reals) -> Reals:
+    """Part[n] of a cube of side 1 before a plane with a normal[n, d], from which its middle is off[n] on that side."""
+    slopes = np.maximum(np.abs(normal), 1e-4)
+    d = slopes.shape[1]
+    total, reach = np.zeros(len(off)), off + slopes.sum(axis=1) / 2
+    for corner in range(1 << d):
+        chosen = np.array([corner >> k & 1 for k in range(d)])
+        rest = np.maximum(reach - np.sum(slopes * chosen, axis=1), 0.0)
+        total += (-1.0) ** chosen.sum() * np.prod([rest] * d, axis=0)
+    return np.clip(total / (math.factorial(d) * np.prod(slopes, axis=1)), 0.0, 1.0)
+
+
+def packed(scene: Any, fluid: Any) -> tuple[NDArray[np.int64], Reals]:
+    """Ascending ids[n] of the particles of a fluid that are packed, and where they are, x[n, d] m. What surrounds them
+    stays: particles of walls, the lattice deeper in the fluid, and the lattice as it would go on beyond its sides.
+    """
+    walls, step, reach = fluid.oblique, fluid.step, scene.support
+    depth = DEPTH * step
+
+    def off(x: Reals, far: float) -> Reals:
+        return np.min([fit.outward(wall) * signed_distance(wall.shape, x, far) for wall in walls], axis=0)
+
+    def near(x: Reals) -> NDArray[np.bool_]:
+        return np.abs(off(x, depth + 2 * reach)) < depth + reach
+
+    more = np.where(_all_round(scene, fluid), 0, math.ceil(reach / step))
+    grid = Grid(tuple(_longer(line, step, n) for line, n in zip(fluid.grid.coordinates, more)))
+    flat = flagged(grid, None, near)
+    at, x = grid.unflat(flat) - more, grid.points(grid.unflat(flat))
+    inside = np.flatnonzero(np.all((at >= 0) & (at < fluid.grid.shape), axis=1))
+    index = fluid.grid.flat(at[inside])
+    kept = ~np.isin(index, fluid.removed)
+    ids = fluid.first + index[kept] - np.searchsorted(fluid.removed, index[kept])
+    beyond = np.ones(len(x), bool)
+    beyond[inside] = signed_distance(fluid.section.shape, x[inside]) > 0.0
+    beyond |= off(x, step) >= 0.5 * step
+    beyond[inside[kept]] = False
+    own, beyond = scene.from_lattice(fluid, ids), x[beyond]
+    beyond = fit.beside(scene.walls, beyond[~_in_walls(scene, fluid, beyond)], step)
+    free = off(own, depth + step) < depth
+    low, high = own.min(axis=0) - 2 * reach, own.max(axis=0) + 2 * reach
+    low, high = np.where(scene.periodic, scene.low, low), np.where(scene.periodic, scene.high, high)
+    solid = [wall.near(low, high)[1] for wall in scene.walls if wall.rule.layered]
+    x = np.concatenate([own[free], own[~free], beyond, *solid])
+    return ids[free], spread(scene, fluid, x, int(np.count_nonzero(free)))
+
+
+def _all_round(scene: Any, fluid: Any) -> NDArray[np.bool_]:
+    """Along which axes the lattice of a fluid goes through a whole period."""
+    length = np.array([line[-1] - line[0] for line in fluid.grid.coordinates])
+    return scene.periodic & (length > scene.high - scene.low - 1.5 * fluid.step)
+
+
+def _longer(line: Reals, step: float, n: int) -> Reals:
+    """A line of the lattice that goes on by n places on both sides."""
+    step = (line[-1] - line[0]) / (len(line) - 1) if len(line) > 1 else step
+    further = np.arange(1, n + 1) * step
+    return np.concatenate([line[0] - further[::-1], line, line[-1] + further])
+
+
+def _in_walls(scene: Any, fluid: Any, x: Reals) -> NDArray[np.bool_]:
+    """Which points x[n, d] of the lattice of a fluid lie where walls have particles."""
+    ends = np.array([(line[0], line[-1]) for line in fluid.grid.coordinates])
+    found = np.zeros(len(x), bool)
+    for wall in scene.walls:
+        if fit.fits(wall):
+            found |= fit.taken_by(wall, fluid.step, x)
+        elif wall.rule.layered:
+            found |= obstacles.too_near(wall, ends, obstacles.NEAR * scene.spacing, x)
+    return found
+
+
+def spread(scene: Any, fluid: Any, x: Reals, n: int) -> Reals:
+    """Where the first n of the points x[., d] have come to when they have gone down the slope of sum W."""
+    step, walls = fluid.step, fluid.oblique
+    sides = [(wall.shape, fit.outward(wall), LEAST) for wall in walls] + [(fluid.section.shape, -1.0, 0.5)]
+    near = [np.flatnonzero(np.abs(signed_distance(shape, x[:n], 3 * step)) < 2 * step) for shape, _, _ in sides]
+    d, h, reach = scene.dimensions, scene.support / SMOOTHING["wendland2"].support, scene.support
+    period = np.where(scene.periodic, scene.high - scene.low, 0.0)
+    x, way, pairs_of = x - scene.low, np.zeros((n, d)), np.full((n, d), np.inf)
+    gain = PUSH * abs(SMOOTHING["wendland2"].factor(d)) * (step / h) ** d
+    first = second = np.zeros(0, np.int64)
+    for _ in range(ROUNDS):
+        if np.max(np.abs(x[:n] - pairs_of)) > SKIN * step / (2 * math.sqrt(d)):
+            first, second = _pairs(x, n, reach + SKIN * step, period)
+            pairs_of = x[:n].copy()
+        push = np.zeros_like(x)
+        pushes(x, first, second, reach, period, push)
+        way = KEPT * way + gain * push[:n]
+        length = np.sqrt(np.sum(way * way, axis=1))
+        way *= np.minimum(1.0, LONGEST * step / np.maximum(length, 1e-300))[:, None]
+        before = x[:n].copy()
+        x[:n] += way
+        for (shape, side, least), at in zip(sides, near):
+            x[at] = fit.cleared(shape, x[at] + scene.low, 2 * least * step, side) - scene.low
+        way = x[:n] - before
+    inside = np.where(period > 0.0, x[:n] - period * np.floor(x[:n] / np.where(period > 0.0, period, 1.0)), x[:n])
+    return inside + scene.low
+
+
+def _pairs(x: Reals, n: int, reach: float, period: Reals) -> tuple[NDArray, NDArray]:
+    """Pairs of points within a reach of which one is among the first n, in order."""
+    wrapped = np.where(period > 0.0, x % np.where(period > 0.0, period, 1.0), x - x.min(axis=0))
+    found = cKDTree(wrapped, boxsize=period if period.any() else None).query_pairs(reach, output_type="ndarray")
+    keys = np.sort(found[found[:, 0] < n, 0] * len(x) + found[found[:, 0] < n, 1])
+    return keys // len(x), keys % len(x)
