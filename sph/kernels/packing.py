@@ -1,27 +1,64 @@
-"""The sums by which particles are spread evenly at the start, over pairs of them."""
+"""The sums by which particles are spread evenly at the start, over cells of half a reach."""
 
 import numpy as np
 
 from hpcpic.core.simd.compile import njit
+from hpcpic.core.simd.vector import Vec, lane_numbers, lanes, load, maximum, select, splat, sqrt, total
+
+N = lanes(np.float64)
+F, I = Vec(N, np.float64), Vec(N, np.int64)
 
 
 @njit
-def pushes(x, first, second, reach, period, found):
-    """Add (1 - r / reach)^3 r_ij of the pairs `first`, `second` to found[n, d] of first, less it to that of second: the
-    slope of Wendland's C2 kernel, in m. x[n, d] m; period[d] m, 0: none.
+def into_cells(x, low, edge, shape, start, order, placed):
+    """Order points x[n, d] by cells, shape[3] of them: order[slot] = point, start[cell] = slot of the first of the cell
+    or later, placed[3, slots + N] = x - low. In 2D the first axis has one cell, and all points lie at 0 along it.
     """
-    d = x.shape[1]
-    apart = np.zeros(d)
-    for pair in range(first.size):
-        i, j, square = first[pair], second[pair], 0.0
+    n, d = x.shape
+    at, cell = np.zeros(3, np.int64), np.empty(n, np.int32)
+    start[:] = 0
+    for i in range(n):
         for k in range(d):
-            apart[k] = x[i, k] - x[j, k]
-            if period[k] > 0.0:
-                apart[k] -= period[k] * np.rint(apart[k] / period[k])
-            square += apart[k] * apart[k]
-        if square < reach * reach:
-            far = 1.0 - np.sqrt(square) / reach
-            for k in range(d):
-                push = far * far * far * apart[k]
-                found[i, k] += push
-                found[j, k] -= push
+            at[3 - d + k] = min(max(np.int64((x[i, k] - low[k]) / edge), 0), shape[3 - d + k] - 1)
+        cell[i] = (at[0] * shape[1] + at[1]) * shape[2] + at[2]
+        start[cell[i]] += 1
+    for c in range(1, start.size):
+        start[c] += start[c - 1]  # end of the cell; becomes its start while points are put in
+    for i in range(n - 1, -1, -1):
+        start[cell[i]] -= 1
+        slot = start[cell[i]]
+        order[slot] = i
+        for k in range(d):
+            placed[3 - d + k, slot] = x[i, k] - low[k]
+
+
+@njit
+def pushes(n, reach, shape, start, order, placed, found):
+    """Find found[n, d] = sum of (1 - r / reach)^3 r_ij over all points, in m, of the first n: the slope of Wendland's
+    C2 kernel.
+    """
+    d, edge = found.shape[1], reach / 2.0
+    at, x, lane = np.zeros(3, np.int64), np.zeros(3), lane_numbers(I)
+    for slot in range(order.size):
+        i = order[slot]
+        if i >= n:
+            continue
+        for k in range(3):
+            x[k] = placed[k, slot]
+            at[k] = min(max(np.int64(x[k] / edge), 0), shape[k] - 1)
+        a, b, c = splat(F, 0.0), splat(F, 0.0), splat(F, 0.0)
+        first, last = max(at[2] - 2, 0), min(at[2] + 3, shape[2])
+        for layer in range(max(at[0] - 2, 0), min(at[0] + 3, shape[0])):
+            for row in range(max(at[1] - 2, 0), min(at[1] + 3, shape[1])):
+                begin = (layer * shape[1] + row) * shape[2]
+                end = np.int64(start[begin + last])
+                for j in range(np.int64(start[begin + first]), end, N):
+                    p = x[0] - load(F, placed[0], j)
+                    q = x[1] - load(F, placed[1], j)
+                    r = x[2] - load(F, placed[2], j)
+                    near = maximum(1.0 - sqrt(p * p + q * q + r * r) / reach, 0.0)
+                    weight = select(lane + j < end, near * near * near, 0.0)
+                    a, b, c = a + weight * p, b + weight * q, c + weight * r
+        x[0], x[1], x[2] = total(a), total(b), total(c)
+        for k in range(d):
+            found[i, k] = x[3 - d + k]

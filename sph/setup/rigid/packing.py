@@ -10,25 +10,23 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
-from sph.kernels.packing import pushes
 from sph.physics.smoothing import SMOOTHING
-from sph.setup import obstacles
+from sph.setup import obstacles, periodic_walls
 from sph.setup.particle_lattices import Grid, cross, flagged
 from sph.setup.rigid import fit
 from sph.setup.signed_distance import normals, signed_distance
 
 Reals = NDArray[np.float64]
-DEPTH = 8.0  # spacings before a wall in which particles are packed
-ROUNDS = 60
+DEPTH = 6.0  # spacings before a wall in which particles are packed
+ROUNDS = 40
 PUSH, KEPT = 0.3, 0.9  # of h^2 sum V grad W that particles go in a round; of their last way that they go on
 LONGEST = 0.1  # spacings in a round
-SKIN = 0.6  # spacings that pairs are looked for beyond the reach
 LEAST = 0.1  # spacings off a wall, whose particles leave gaps
 TOUCHING = 0.6  # spacings off a wall: nearer, its normal tells whether it is oblique
 LEVEL = 1e-6  # 1 - |cosine| between a normal and an axis, for rounding
 PARTS = 2  # along each axis, of a cell that a wall cuts
+FAR = 2.0  # spacings off a side: farther it is not measured
 STEP = 1e-3  # of a spacing: over which normals are differences
 
 
@@ -98,27 +96,24 @@ def packed(scene: Any, fluid: Any) -> tuple[NDArray[np.int64], Reals]:
     walls, step, reach = fluid.oblique, fluid.step, scene.support
     depth = DEPTH * step
 
-    def off(x: Reals, far: float) -> Reals:
+    def off(x: Reals) -> Reals:
+        far = depth + reach + step
         return np.min([fit.outward(wall) * signed_distance(wall.shape, x, far) for wall in walls], axis=0)
-
-    def near(x: Reals) -> NDArray[np.bool_]:
-        return np.abs(off(x, depth + 2 * reach)) < depth + reach
 
     more = np.where(_all_round(scene, fluid), 0, math.ceil(reach / step))
     grid = Grid(tuple(_longer(line, step, n) for line, n in zip(fluid.grid.coordinates, more)))
-    flat = flagged(grid, None, near)
+    flat = flagged(grid, None, lambda x: np.abs(off(x) - depth / 2) < depth / 2 + reach)
     at, x = grid.unflat(flat) - more, grid.points(grid.unflat(flat))
-    inside = np.flatnonzero(np.all((at >= 0) & (at < fluid.grid.shape), axis=1))
+    inside, apart = np.flatnonzero(np.all((at >= 0) & (at < fluid.grid.shape), axis=1)), off(x)
     index = fluid.grid.flat(at[inside])
     kept = ~np.isin(index, fluid.removed)
     ids = fluid.first + index[kept] - np.searchsorted(fluid.removed, index[kept])
     beyond = np.ones(len(x), bool)
     beyond[inside] = signed_distance(fluid.section.shape, x[inside]) > 0.0
-    beyond |= off(x, step) >= 0.5 * step
+    beyond |= apart >= 0.5 * step
     beyond[inside[kept]] = False
-    own, beyond = scene.from_lattice(fluid, ids), x[beyond]
+    own, beyond, free = scene.from_lattice(fluid, ids), x[beyond], apart[inside[kept]] < depth
     beyond = fit.beside(scene.walls, beyond[~_in_walls(scene, fluid, beyond)], step)
-    free = off(own, depth + step) < depth
     low, high = own.min(axis=0) - 2 * reach, own.max(axis=0) + 2 * reach
     low, high = np.where(scene.periodic, scene.low, low), np.where(scene.periodic, scene.high, high)
     solid = [wall.near(low, high)[1] for wall in scene.walls if wall.rule.layered]
@@ -152,36 +147,47 @@ def _in_walls(scene: Any, fluid: Any, x: Reals) -> NDArray[np.bool_]:
 
 
 def spread(scene: Any, fluid: Any, x: Reals, n: int) -> Reals:
-    """Where the first n of the points x[., d] have come to when they have gone down the slope of sum W."""
-    step, walls = fluid.step, fluid.oblique
-    sides = [(wall.shape, fit.outward(wall), LEAST) for wall in walls] + [(fluid.section.shape, -1.0, 0.5)]
-    near = [np.flatnonzero(np.abs(signed_distance(shape, x[:n], 3 * step)) < 2 * step) for shape, _, _ in sides]
-    d, h, reach = scene.dimensions, scene.support / SMOOTHING["wendland2"].support, scene.support
-    period = np.where(scene.periodic, scene.high - scene.low, 0.0)
-    x, way, pairs_of = x - scene.low, np.zeros((n, d)), np.full((n, d), np.inf)
-    gain = PUSH * abs(SMOOTHING["wendland2"].factor(d)) * (step / h) ** d
-    first = second = np.zeros(0, np.int64)
+    """Where the first n of the points x[., d] come to as they go down the slope of sum W."""
+    step, d, reach, period = fluid.step, scene.dimensions, scene.support, scene.high - scene.low
+    sides = [(wall.shape, fit.outward(wall), LEAST * step) for wall in fluid.oblique]
+    sides.append((periodic_walls.endless(fluid.section.shape, scene.config.domain), -1.0, 0.5 * step))
+    left = np.full((len(sides), n), -np.inf)  # m that particles can go before they may be too near to a side
+    gain = PUSH * abs(SMOOTHING["wendland2"].factor(d)) * (SMOOTHING["wendland2"].support * step / reach) ** d
+    way = np.zeros((n, d))
     for _ in range(ROUNDS):
-        if np.max(np.abs(x[:n] - pairs_of)) > SKIN * step / (2 * math.sqrt(d)):
-            first, second = _pairs(x, n, reach + SKIN * step, period)
-            pairs_of = x[:n].copy()
-        push = np.zeros_like(x)
-        pushes(x, first, second, reach, period, push)
-        way = KEPT * way + gain * push[:n]
-        length = np.sqrt(np.sum(way * way, axis=1))
-        way *= np.minimum(1.0, LONGEST * step / np.maximum(length, 1e-300))[:, None]
         before = x[:n].copy()
+        way = KEPT * way + gain * slopes(scene, x, n)
+        way *= np.minimum(1.0, LONGEST * step / np.maximum(_lengths(way), 1e-300))[:, None]
         x[:n] += way
-        for (shape, side, least), at in zip(sides, near):
-            x[at] = fit.cleared(shape, x[at] + scene.low, 2 * least * step, side) - scene.low
+        left -= _lengths(way)
+        for k, (shape, side, least) in enumerate(sides):
+            asked = np.flatnonzero(left[k] < 0.0)
+            left[k, asked] = np.minimum(side * signed_distance(shape, x[asked], FAR * step), FAR * step) - least
+            near = asked[left[k, asked] < 0.0]
+            x[near] = fit.cleared(shape, x[near], 2 * least, side)
+            left[:, near] = -np.inf
         way = x[:n] - before
-    inside = np.where(period > 0.0, x[:n] - period * np.floor(x[:n] / np.where(period > 0.0, period, 1.0)), x[:n])
-    return inside + scene.low
+        x[:n] -= np.where(scene.periodic, period * np.floor((x[:n] - scene.low) / period), 0.0)
+    return x[:n]
 
 
-def _pairs(x: Reals, n: int, reach: float, period: Reals) -> tuple[NDArray, NDArray]:
-    """Pairs of points within a reach of which one is among the first n, in order."""
-    wrapped = np.where(period > 0.0, x % np.where(period > 0.0, period, 1.0), x - x.min(axis=0))
-    found = cKDTree(wrapped, boxsize=period if period.any() else None).query_pairs(reach, output_type="ndarray")
-    keys = np.sort(found[found[:, 0] < n, 0] * len(x) + found[found[:, 0] < n, 1])
-    return keys // len(x), keys % len(x)
+def slopes(scene: Any, x: Reals, n: int) -> Reals:
+    """sum (1 - r / reach)^3 r_ij [n, d] over the points x[., d] for the first n, m: that of Wendland's C2 kernel."""
+    from sph.kernels.packing import N, into_cells, pushes  # cases without oblique walls load no compiler
+
+    reach, d = scene.support, scene.dimensions
+    for k in np.flatnonzero(scene.periodic).tolist():
+        period = (scene.high[k] - scene.low[k]) * np.eye(d)[k]
+        below, above = x[:, k] < scene.low[k] + reach, x[:, k] >= scene.high[k] - reach
+        x = np.concatenate([x, x[below] + period, x[above] - period])
+    low, edge, shape = x.min(axis=0), reach / 2, np.ones(3, np.int64)
+    shape[3 - d :] = ((x.max(axis=0) - low) / edge).astype(np.int64) + 1
+    start, order = np.empty(np.prod(shape) + 1, np.int32), np.empty(len(x), np.int32)
+    placed, found = np.zeros((3, len(x) + N)), np.empty((n, d))
+    into_cells(x, low, edge, shape, start, order, placed)
+    pushes(n, reach, shape, start, order, placed, found)
+    return found
+
+
+def _lengths(ways: Reals) -> Reals:
+    return np.sqrt(np.sum(ways * ways, axis=1))
