@@ -380,10 +380,8 @@ class Scene:
         else:
             mass = section.density * self.spacing**self.dimensions
         gone: list[NDArray[np.int64]] = []
-        others: list[NDArray[np.int64]] = []  # of them, what neither its shape nor oblique walls took
+        taken: list[tuple[str, NDArray[np.int64]]] = []  # of them, by what
         fluid = FluidSet(section, grid, first, mass, np.zeros(0, np.int64), step)
-        fluid.oblique = oblique(self, fluid)
-        cut_by = {wall.name for wall in fluid.oblique}
         if beyond:
             fluid.clipped[DOMAIN] = beyond
         if not section.shape.box:
@@ -394,9 +392,12 @@ class Scene:
             if len(found):
                 fluid.clipped[name] = fluid.clipped.get(name, 0) + len(found)
                 gone.append(found)
-                others += [] if name in cut_by else [found]
+                taken.append((name, found))
         fluid.removed = np.sort(np.concatenate([*gone, np.zeros(0, np.int64)]))  # none twice
-        if fluid.oblique and fluid.n:
+        fluid.oblique = oblique(self, fluid)
+        if fluid.oblique:
+            cutting = {wall.name for wall in fluid.oblique}
+            others = [found for name, found in taken if name not in cutting]
             fluid.filled = share(fluid, np.concatenate([*others, np.zeros(0, np.int64)]))
             fluid.mass *= fluid.filled
         return fluid

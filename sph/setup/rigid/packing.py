@@ -32,23 +32,24 @@ STEP = 1e-3  # of a spacing: over which normals are differences
 
 def oblique(scene: Any, fluid: Any) -> list[Any]:
     """The walls beside which a fluid is packed: those with layers of particles, at rest or moved as the case says, that
-    are no boxes and cut its lattice where it starts at rest under gravity.
+    are no boxes and cut its lattice where it lies at rest under gravity.
     """
     section = fluid.section
     if fluid.given is not None or section.initial_pressure != "hydrostatic" or not scene.gravity.any():
         return []
     walls = [wall for wall in scene.walls if fit.fits(wall) and not wall.rigid and not wall.shape.box]
-    return [wall for wall in walls if fluid.grid.n and _cuts(wall, fluid)]
+    return [wall for wall in walls if fluid.n and _cuts(wall, fluid)]
 
 
 def _cuts(wall: Any, fluid: Any) -> bool:
-    """Whether the normal of a wall is along no axis somewhere where the lattice of a fluid touches it."""
+    """Whether the normal of a wall is along no axis somewhere where particles of a fluid touch it."""
     step = fluid.step
 
     def touches(x: Reals) -> NDArray[np.bool_]:
         return np.abs(signed_distance(wall.shape, x, step)) < TOUCHING * step
 
-    x = fluid.grid.points(fluid.grid.unflat(flagged(fluid.grid, None, touches)))
+    near = np.setdiff1d(flagged(fluid.grid, None, touches), fluid.removed, assume_unique=True)
+    x = fluid.grid.points(fluid.grid.unflat(near))
     normal, way = normals(wall.shape, x, STEP * step), TOUCHING * step
     gone = signed_distance(wall.shape, x + way * normal) - signed_distance(wall.shape, x)
     face = gone > (1.0 - LEVEL) * way  # as near to two faces, it goes off them more slowly
