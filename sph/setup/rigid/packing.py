@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sph.case.config import Shape
 from sph.physics.smoothing import SMOOTHING
 from sph.setup import obstacles, periodic_walls
 from sph.setup.particle_lattices import Grid, cross, flagged
@@ -56,17 +57,24 @@ def _cuts(wall: Any, fluid: Any) -> bool:
     return bool(np.any(np.abs(normal[face]).max(axis=1, initial=0.0) < 1.0 - LEVEL))
 
 
+def sides_of(fluid: Any) -> list[tuple[Shape, float]]:
+    """What is askew to the lattice of a fluid, the fluid outside of it (1) or inside (-1): oblique walls, and its own
+    shape but for a box.
+    """
+    own = fluid.section.shape
+    return [(wall.shape, fit.outward(wall)) for wall in fluid.oblique] + ([] if own.box else [(own, -1.0)])
+
+
 def share(fluid: Any, others: NDArray[np.int64]) -> float:
     """Volume that oblique walls leave to a fluid, over that of the cells of its particles. others: flat indices of the
     points of its lattice that something else than its shape and these walls has taken.
     """
-    cells, step, shape = fluid.grid, fluid.step, fluid.section.shape
-    sides = [(fit.outward(wall), wall.shape) for wall in fluid.oblique] + ([] if shape.box else [(-1.0, shape)])
+    cells, step, sides = fluid.grid, fluid.step, sides_of(fluid)
     d = len(cells.shape)
     band = math.sqrt(d) / 2 * step
 
     def within(x: Reals) -> Reals:
-        return np.min([side * signed_distance(shape, x, 2 * band) for side, shape in sides], axis=0)
+        return np.min([side * signed_distance(shape, x, 2 * band) for shape, side in sides], axis=0)
 
     whole = np.setdiff1d(flagged(cells, None, lambda x: within(x) > band), others)
     cut = np.setdiff1d(flagged(cells, None, lambda x: np.abs(within(x)) <= band), others)
@@ -74,7 +82,7 @@ def share(fluid: Any, others: NDArray[np.int64]) -> float:
     for part in cross([np.arange(PARTS)] * d):
         at = x + step * ((part + 0.5) / PARTS - 0.5)
         filled += np.min([part_before(side * signed_distance(shape, at, 2 * band) * PARTS / step,
-                                      normals(shape, at, STEP * step)) for side, shape in sides], axis=0)  # fmt: skip
+                                      normals(shape, at, STEP * step)) for shape, side in sides], axis=0)  # fmt: skip
     return (len(whole) + math.fsum(filled) / PARTS**d) / fluid.n
 
 
@@ -92,14 +100,14 @@ def part_before(off: Reals, normal: Reals) -> Reals:
 
 def packed(scene: Any, fluid: Any) -> tuple[NDArray[np.int64], Reals]:
     """Ascending ids[n] of the particles of a fluid that are packed, and where they are, x[n, d] m. What surrounds them
-    stays: particles of walls, the lattice deeper in the fluid, and the lattice as it would go on beyond its sides.
+    stays: particles of walls, the lattice deeper in the fluid, and the lattice as it would go on beyond its sides, half
+    a spacing clear of those that are askew.
     """
-    walls, step, reach = fluid.oblique, fluid.step, scene.support
-    depth = DEPTH * step
+    step, reach, depth, shape = fluid.step, scene.support, DEPTH * fluid.step, fluid.section.shape
 
     def off(x: Reals) -> Reals:
         far = depth + reach + step
-        return np.min([fit.outward(wall) * signed_distance(wall.shape, x, far) for wall in walls], axis=0)
+        return np.min([side * signed_distance(shape, x, far) for shape, side in sides_of(fluid)], axis=0)
 
     more = np.where(_all_round(scene, fluid), 0, math.ceil(reach / step))
     grid = Grid(tuple(_longer(line, step, n) for line, n in zip(fluid.grid.coordinates, more)))
@@ -110,10 +118,11 @@ def packed(scene: Any, fluid: Any) -> tuple[NDArray[np.int64], Reals]:
     kept = ~np.isin(index, fluid.removed)
     ids = fluid.first + index[kept] - np.searchsorted(fluid.removed, index[kept])
     beyond = np.ones(len(x), bool)
-    beyond[inside] = signed_distance(fluid.section.shape, x[inside]) > 0.0
+    beyond[inside] = signed_distance(shape, x[inside]) > 0.0
     beyond |= apart >= 0.5 * step
     beyond[inside[kept]] = False
     own, beyond, free = scene.from_lattice(fluid, ids), x[beyond], apart[inside[kept]] < depth
+    beyond = beyond if shape.box else fit.cleared(shape, beyond, step, 1.0)
     beyond = fit.beside(scene.walls, beyond[~_in_walls(scene, fluid, beyond)], step)
     low, high = own.min(axis=0) - 2 * reach, own.max(axis=0) + 2 * reach
     low, high = np.where(scene.periodic, scene.low, low), np.where(scene.periodic, scene.high, high)
@@ -150,8 +159,9 @@ def _in_walls(scene: Any, fluid: Any, x: Reals) -> NDArray[np.bool_]:
 def spread(scene: Any, fluid: Any, x: Reals, n: int) -> Reals:
     """Where the first n of the points x[., d] come to as they go down the slope of sum W."""
     step, d, reach, period = fluid.step, scene.dimensions, scene.support, scene.high - scene.low
-    sides = [(wall.shape, fit.outward(wall), LEAST * step) for wall in fluid.oblique]
-    sides.append((periodic_walls.endless(fluid.section.shape, scene.config.domain), -1.0, 0.5 * step))
+    sides = [(shape, side, LEAST * step) for shape, side in sides_of(fluid)]
+    if fluid.section.shape.box:
+        sides.append((periodic_walls.endless(fluid.section.shape, scene.config.domain), -1.0, 0.5 * step))
     left = np.full((len(sides), n), -np.inf)  # m that particles can go before they may be too near to a side
     gain = PUSH * abs(SMOOTHING["wendland2"].factor(d)) * (SMOOTHING["wendland2"].support * step / reach) ** d
     way = np.zeros((n, d))
