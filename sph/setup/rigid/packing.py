@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.core.space.shapes import unit
 from sph.case.config import Shape
 from sph.physics.smoothing import SMOOTHING
 from sph.setup import obstacles, periodic_walls
@@ -38,8 +39,13 @@ def oblique(scene: Any, fluid: Any) -> list[Any]:
     section = fluid.section
     if fluid.given is not None or section.initial_pressure != "hydrostatic" or not scene.gravity.any():
         return []
-    walls = [wall for wall in scene.walls if fit.fits(wall) and not wall.rigid and not wall.shape.box]
+    walls = [wall for wall in scene.walls if fit.fits(wall) and not wall.rigid and not _straight(wall.shape)]
     return [wall for wall in walls if fluid.n and _cuts(wall, fluid)]
+
+
+def _straight(shape: Shape) -> bool:
+    """Whether a shape is seen to lie along the lattice before any particle is looked at."""
+    return bool(shape.box or (shape.plane and np.abs(unit(shape.plane.normal)).max() > 1.0 - LEVEL))
 
 
 def _cuts(wall: Any, fluid: Any) -> bool:
