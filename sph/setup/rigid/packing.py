@@ -185,7 +185,7 @@ def spread(scene: Any, fluid: Any, x: Reals, n: int) -> Reals:
             left[:, near] = -np.inf
         way = x[:n] - before
         x[:n] -= np.where(scene.periodic, period * np.floor((x[:n] - scene.low) / period), 0.0)
-    return x[:n]
+    return x[:n].copy()  # without the points around them
 
 
 def slopes(scene: Any, x: Reals, n: int) -> Reals:
