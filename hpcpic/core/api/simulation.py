@@ -40,6 +40,7 @@ class Simulation:
     """
 
     _open = False
+    _looking = False  # an observer is being called
 
     def __init__(
         self, app: App, config: Any, threads: int | None = None, checkpoints: tuple[RunDir, Tree] | None = None
@@ -96,6 +97,7 @@ class Simulation:
         """Free memory and threads. After an exception on one rank of several, what MPI holds stays with MPI."""
         if not self._open:
             return
+        self._refuse_in_observer("close()")
         try:
             if collectively:
                 self._meet("close()")
@@ -146,6 +148,14 @@ class Simulation:
 
             meet(call)
 
+    def _refuse_in_observer(self, call: str) -> None:
+        """Steps of an observer would be hidden from the others. Raises ConfigError."""
+        if self._looking:
+            raise ConfigError(
+                f"{call} called in an observer, which only looks: put sim.advance(steps=N) into a loop, and after it "
+                "what is to happen each N steps"
+            )
+
     def step(self) -> None:
         """One step."""
         self.advance(steps=1)
@@ -155,6 +165,7 @@ class Simulation:
         step. Raises Diverged.
         """
         self._meet("advance()")
+        self._refuse_in_observer("step() or advance()")
         if steps is not None and until is not None:
             raise ConfigError("advance: say steps=N or until=T, not both")
         steps = None if steps is None else whole(steps, "advance: steps", 0)
@@ -187,8 +198,12 @@ class Simulation:
             self.model.advance(1 if self.model.n_steps is None else int(most))
 
     def _look(self) -> None:
-        for observer in self._observers:
-            observer.look(self.iteration, self.time)
+        self._looking = True
+        try:
+            for observer in self._observers:
+                observer.look(self.iteration, self.time)
+        finally:
+            self._looking = False
 
     def _require_sound(self) -> None:
         verdict = self._guard.agree(self.iteration, Reason.NONE, False)

@@ -142,6 +142,27 @@ def test_observers_see_each_multiple_once_and_change_nothing(oscillation):
     assert np.allclose(seen["seconds"], [0.0, 0.6, 1.0, 1.6, 2.0])  # steps of 0.2 s
 
 
+@pytest.mark.parametrize("call", [lambda sim: sim.step(), lambda sim: sim.advance(steps=1), lambda sim: sim.close()])
+@pytest.mark.parametrize("program, case", [(hpcpic, "plasma-oscillation"), (sph, "still-tank"), (lbmdem, "poiseuille")])
+def test_an_observer_neither_steps_nor_closes(program, case, call):
+    """What it tries is refused after a whole step, and the simulation goes on as if it had not been tried."""
+    with program.Case(case).simulation(threads=1) as sim, program.Case(case).simulation(threads=1) as alone:
+        tries = []
+
+        @sim.every(steps=2)
+        def meddle(sim):
+            if sim.iteration == 2 and not tries:
+                tries.append(sim.iteration)
+                call(sim)
+
+        with pytest.raises(ConfigError, match=r"called in an observer, which only looks: .* sim.advance\(steps=N\)"):
+            sim.advance(steps=4)
+        assert tries == [2] and sim.iteration == 2
+        sim.advance(steps=2)
+        alone.advance(steps=4)
+        assert sim.digest() == alone.digest()
+
+
 def test_series_has_units_and_makes_a_table(oscillation):
     assert oscillation.series["energy_field"].attrs["units"] == "J"
     table = oscillation.series.to_dataframe()
