@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hpcpic.core.simd.formulas import fma, maximum
+from hpcpic.core.simd.formulas import VECTORS, fma, maximum
 from hpcpic.core.simd.own import note, same
 
 LEAST_Q = 1e-15  # that is divided by
@@ -47,11 +47,11 @@ class Smoothing:
 
     def value(self, q: NDArray | float, d: int) -> NDArray[np.float64]:
         """W(q) h^d in d dimensions."""
-        return self.norm[d] * self.w(np.asarray(q, np.float64), 1.0)
+        return self.norm[d] * of_many(self.w, q)
 
     def gradient(self, q: NDArray | float, d: int) -> NDArray[np.float64]:
         """F(q) h^(d + 2) in d dimensions."""
-        return self.f(np.asarray(q, np.float64), 1.0) * self.norm[d] * self.slope
+        return of_many(self.f, q) * self.norm[d] * self.slope
 
     def require_sound(self) -> None:
         """Raise ValueError where the integral of W is not 1, or F r not its slope."""
@@ -73,6 +73,16 @@ class Smoothing:
         files = sorted({formula.__code__.co_filename for formula in (self.w, self.f)})
         text = "".join(line for file in files for line in linecache.getlines(file))
         return hashlib.sha256(text.encode()).hexdigest()
+
+
+def of_many(formula: Callable[[Any, Any], Any], q: NDArray | float) -> NDArray[np.float64]:
+    """The formula at every q, of h = 1. An error says what to write in place of `if`; numpy speaks of a.any()."""
+    try:
+        return formula(np.asarray(q, np.float64), 1.0)
+    except (TypeError, ValueError) as error:
+        if "array" in str(error):
+            error.args = (f"a formula has many q at once, for which there is no `if`, `and`, max() or math; {VECTORS}",)
+        raise
 
 
 SMOOTHING: dict[str, Smoothing] = {}

@@ -11,10 +11,11 @@ from collections.abc import Callable, Mapping, Sequence
 from types import CodeType, FunctionType
 from typing import Any
 
+from hpcpic.core.simd.formulas import VECTORS
+
 _IMPORTED = re.compile(r"<use_(.+)_[0-9a-f]{32}>")  # see core.app.use
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 _LINE = re.compile(r'File "[^"]*", line (\d+)')
-_VECTORS = "vectors have + - * /, and from hpcpic.core.simd.formulas fma, maximum, minimum, sqrt, select (for if)"
 _GENERAL = ("Failed in nopython mode", "During:", 'File "', "Invalid use of")
 
 
@@ -87,7 +88,7 @@ def formula_fault(
     vector = Vec(lanes(float), float)
     arguments = dict.fromkeys(vectors, vector) | dict.fromkeys(numbers, types.float64)
     said = fault(function, arguments, returned, "one value" if results == 1 else f"{results} values")
-    return f"{said}; {_VECTORS}" if "Vec(" in said else said
+    return f"{said}; {VECTORS}" if "Vec(" in said else said
 
 
 def arithmetic_fault(function: Any) -> str:

@@ -15,6 +15,8 @@ from typing import Any
 
 __all__ = ["fma", "maximum", "minimum", "select", "sqrt"]
 
+VECTORS = "vectors have + - * /, and from hpcpic.core.simd.formulas fma, maximum, minimum, sqrt, select (for if)"
+
 
 def fma(a: Any, b: Any, c: Any) -> Any:
     """a b + c; compiled, with one rounding."""

@@ -1,4 +1,5 @@
 import dataclasses
+import math
 import runpy
 
 import numpy as np
@@ -154,6 +155,29 @@ def test_a_kernel_that_is_none_is_refused(norm, slope, told):
     with pytest.raises(ValueError, match=told):
         register(wrong)
     assert "wrong" not in SMOOTHING
+
+
+def with_if(r, per_h):
+    q = r * per_h
+    if q > 2.0:
+        return 0.0
+    return 1.0 - 0.5 * q
+
+
+def with_max(r, per_h):
+    return max(1.0 - 0.5 * r * per_h, 0.0)
+
+
+def with_math(r, per_h):
+    return math.exp(-r * per_h)
+
+
+@pytest.mark.parametrize("formula", [with_if, with_max, with_math])
+def test_a_formula_of_single_numbers_is_told_what_to_write(formula):
+    """In place of numpy's words on a.any(), and with the line of the formula."""
+    with pytest.raises((TypeError, ValueError), match=r"no `if`, .* max\(\) or math; .* select \(for if\)$") as told:
+        register(dataclasses.replace(SMOOTHING["wendland2"], name="mine", w=formula))
+    assert told.traceback[-1].name == formula.__name__ and "mine" not in SMOOTHING
 
 
 def test_a_function_may_be_defined_again_but_not_its_name_be_taken():
