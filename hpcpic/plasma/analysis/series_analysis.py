@@ -12,6 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 ROUND_OFF = 1e-14  # of a signal: what swings by less is noise of the arithmetic
+STEADY = 0.25  # of a growth rate: one that is known worse is none, as where a wave that has started swings on
 
 
 class NoFit(ValueError):
@@ -62,7 +63,7 @@ def growth_rate(t: np.ndarray, amplitude: np.ndarray, efolds: float = 2.0) -> Gr
     All windows before the maximum over which the amplitude grows by at least `efolds` (a third of its whole
     growth when that is more) are compared; the smallest relative standard error wins, which drops the noise
     before and the saturation after. The error adds half the difference of the slopes of the window's two
-    halves, which is what curvature left in it would do. Raises NoFit when nothing grows that much.
+    halves, which is what curvature left in it would do. Raises NoFit when nothing grows that much, or that steadily.
     """
     top = int(np.argmax(amplitude)) + 1
     positive = amplitude[:top] > 0
@@ -81,10 +82,12 @@ def growth_rate(t: np.ndarray, amplitude: np.ndarray, efolds: float = 2.0) -> Gr
         np.polyfit(t[a : b + 1] - t[a], y[a : b + 1], 1)[0] for a, b in ((first, middle), (middle, last))
     ]
     start = np.exp(y[first : last + 1].mean() - slope[best] * t[first : last + 1].mean())
-    spread = 0.5 * abs(halves[0] - halves[1])
+    whole_error = float(np.hypot(error[best], 0.5 * abs(halves[0] - halves[1])))
+    if whole_error > STEADY * slope[best]:
+        raise NoFit("it grows at no steady rate")
     return Growth(
         float(slope[best]),
-        float(np.hypot(error[best], spread)),
+        whole_error,
         float(t[first]),
         float(t[last]),
         float(start),

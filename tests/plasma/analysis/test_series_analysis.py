@@ -41,6 +41,13 @@ def test_no_growth_is_refused():
         series_analysis.growth_rate(T, np.exp(-0.1 * T) + 1e-3 * np.sin(T) ** 2)
 
 
+@pytest.mark.parametrize("frequency", [0.1, 0.5, 1.1])
+def test_a_wave_that_starts_from_nothing_and_swings_has_no_growth_rate(frequency):
+    """From the first sample to its first maximum it grows by many e-folds, at no rate of its own."""
+    with pytest.raises(series_analysis.NoFit, match="no steady rate"):
+        series_analysis.growth_rate(T[1:], np.abs(np.sin(frequency * T[1:])) * (1.0 + 1e-3 * T[1:]))
+
+
 def test_clean_oscillation_is_exact():
     fit = series_analysis.fit_oscillation(T, 0.3 + 2e-5 * np.exp(-0.01 * T) * np.cos(1.2345678901 * T + 0.7))
     assert fit.frequency == pytest.approx(1.2345678901, rel=1e-11)
