@@ -6,7 +6,7 @@ what it includes; two in one file are a fault.
 
 import difflib
 import itertools
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from hpcpic.core.case.config import Path, Tree, dotted
@@ -36,6 +36,21 @@ def one_of(tree: Tree, paths: Iterable[Path]) -> Path | None:
             tree.faults.append(f"{again}: {dotted(later)}: give either this or {dotted(path)}, set at {place}")
         tree.drop(path)
     return given[-1]
+
+
+def last_side(tree: Tree, group: Path, sides: Sequence[tuple[str, ...]]) -> None:
+    """Drop what a group says by other words than the side that was set last, if all words of that side are there. Sides
+    of which one file gives both are left to the simulator, as is one of which a word is missing.
+    """
+    given = [[path for word in side if tree.has(path := (*group, word))] for side in sides]
+    files = [{tree.where(newest(tree, path)).file for path in paths} for paths in given]
+    if not all(given) or set.intersection(*files):
+        return
+    order = {path: i for i, path in enumerate(tree.places)}
+    last = max(range(len(sides)), key=lambda side: max(order.get(newest(tree, path), -1) for path in given[side]))
+    if len(given[last]) == len(sides[last]):
+        for path in (path for side, paths in enumerate(given) if side != last for path in paths):
+            tree.drop(path)
 
 
 def newest(tree: Tree, path: Path) -> Path:

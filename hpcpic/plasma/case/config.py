@@ -5,6 +5,7 @@ Vectors are in physical order (x, y, z); 1D cases have x only. Older spellings o
 numbers (particle, temperature, particles_per_cell) are understood; setup.defaults replaces them by the present ones.
 """
 
+import itertools
 import math
 from typing import Annotated, ClassVar, Literal
 
@@ -25,14 +26,22 @@ from hpcpic.core.case.schema import (
     matching,
     setting,
 )
-from hpcpic.core.case.words import one_of
+from hpcpic.core.case.words import last_side
 from hpcpic.core.files.start import Start, arrays, attach, attached_arrays
 from hpcpic.plasma.case import units
 from hpcpic.plasma.case.older_words import drift_warnings, modernised
 
 Names = Annotated[tuple[str, ...], BeforeValidator(as_tuple)]
 MOST_PARTICLES = 2**32  # of a species: their numbers have 32 bits
-EITHER = ("particles", "particles_per_cell"), ("density", "plasma_frequency"), ("temperature", "thermal_velocity")
+EITHER: dict[str, tuple[tuple[tuple[str, ...], ...], ...]] = {  # words of a group that say one thing
+    "grid": ((("points",), ("blocks", "blocksize")),),
+    "species": (
+        (("particles",), ("particles_per_cell",)),
+        (("particle",), ("charge", "mass")),
+        (("density",), ("plasma_frequency",)),
+        (("temperature",), ("thermal_velocity",)),
+    ),
+}
 MOST_BLOCKS = 4096  # of a rank: tables of what each hands to each grow with their square
 MOST_POINTS = 2**31 - 1  # of an axis: FFTW counts so far
 
@@ -328,12 +337,11 @@ class PlasmaConfig(Section):
             if "particles_per_cell" not in species:
                 lengths = [len(values) for values in attached_arrays(tree, path).values() if values.ndim]
                 species.setdefault("particles", max(lengths, default=0))
+        for group, pairs in EITHER.items():
+            for path, sides in itertools.product(matching(tree.data, (group,)), pairs):
+                last_side(tree, path, sides)
         for path in matching(tree.data, ("species",)):
             species = tree.data["species"][path[-1]] if len(path) == 2 else tree.data["species"]
-            for words in EITHER:  # both in one file are a fault where they contradict each other
-                given = [(*path, word) for word in words if word in species]
-                if len({tree.where(word).file for word in given}) == 2:
-                    one_of(tree, given)
             tree.warnings += [f"{dotted(path)}.{text}" for text in drift_warnings(species)]
 
     @property

@@ -139,6 +139,26 @@ def test_of_two_words_for_one_quantity_the_last_one_set_counts(word, other, valu
         read(text=CASE.replace(f"{other} =", f"{word} = {value}; {other} ="))
 
 
+def test_of_one_word_and_two_that_say_the_same_the_last_ones_set_count():
+    """A known particle or charge and mass; points or blocks of them. One of two says nothing, whoever sets it."""
+    pair, alone = ("species[0].charge=-1e-19", "species[0].mass=1e-30"), ("species[0].particle=electron",)
+    config, _ = read(*pair)
+    assert (config.species[0].charge, config.species[0].mass) == (-1e-19, 1e-30)
+    assert read(*pair, *alone)[0] == read()[0] == read(*alone)[0]
+    assert read(*alone, *reversed(pair))[0] == config
+    assert read("grid.blocks=[8]", "grid.blocksize=[4]")[0] == read("grid.points=[32]")[0]
+    older = CASE.replace("points = [32]", "blocks = [8]; blocksize = [4]")
+    assert read("grid.points=[64]", text=older)[0] == read("grid.points=[64]")[0]
+    for sets, text, told in (
+        (("species[0].charge=-1e-19",), CASE, r"species\[0\].particle: give either particle, or charge and mass"),
+        ((), CASE.replace("particle =", "charge = 1.0; mass = 1.0; particle ="), "give either particle, or charge"),
+        (("grid.blocksize=[4]",), CASE, r"grid.blocksize: give either points, or blocks and blocksize"),
+        ((), CASE.replace("points =", "blocks = [8]; blocksize = [4]; points ="), "grid.blocks: give either points"),
+    ):
+        with pytest.raises(ConfigError, match=told):
+            read(*sets, text=text)
+
+
 def test_the_case_as_used_reads_back_and_keeps_its_units():
     config, _ = read()
     again, tree = read(text=dump(config))
