@@ -229,6 +229,38 @@ def test_the_speed_that_a_body_force_makes_is_told(sets, speed):
     assert (told and told.value) == (speed and pytest.approx(speed, rel=1e-12))
 
 
+def test_of_a_force_past_solids_that_stay_the_limit_without_them_is_told():
+    """Past a bar or a pin that a channel leaves room beside; who asks for far too much is warned, not refused."""
+    bar = "obstacle=({shape={box={low=[1.0e-3,0.0];high=[2.0e-3,1.0e-3];};};})"
+    name, mach = "largest speed that the body force can make", "Mach number of the driven fluid, at most"
+    for text, sets in ((CHANNEL, (bar,)), (GAUGED, ())):
+        assert number(text, name, *sets).value == pytest.approx(0.1 * 2.0e-3**2 / 8.0e-6, rel=1e-12)
+        assert number(text, mach, *sets).verdict == "warn"
+        assert number(text, mach, *sets, "fluid.body_force=[0.02, 0.0]").verdict == "ok"
+        assert number(text, mach, *sets, "fluid.body_force=[100.0, 0.0]").verdict == "warn"
+    assert number(CHANNEL, name) is number(CHANNEL, name, bar, 'domain.periodic=["y"]') is None
+
+
+def sheet(share, a, nu=1.0e-6):
+    """Discs of 1 mm in a square array, in which they take this share of the area; driven by a."""
+    side = math.sqrt(math.pi / 4.0 / share) * 1.0e-3
+    return CHANNEL.split("domain")[0] + f"""
+domain = {{ size = [{side!r}, {side!r}]; spacing = {side / 24!r}; periodic = ["x", "y"]; }};
+fluid = {{ kinematic_viscosity = {nu!r}; relaxation_time = 1.0; body_force = [0.0, {a!r}]; }};
+grains = ({{ diameter = 1.0e-3; moving = false; position = [{0.5 * side!r}, {0.5 * side!r}]; }});
+"""
+
+
+@pytest.mark.parametrize(
+    ("share", "a", "measured"),  # largest speeds of runs with 12 nodes across a disc, m/s; Re 11, 2, 37, 38
+    [(0.01, 1.0e-3, 0.01079), (0.5, 0.1, 0.00203), (0.05, 0.03, 0.0374), (0.2, 0.2, 0.0376)],
+)
+def test_the_speed_past_grains_is_at_most_what_is_told_and_not_far_below(share, a, measured):
+    name = "largest speed that the body force can make"
+    told, harder, thicker = (number(sheet(*at), name).value for at in ((share, a), (share, 2 * a), (share, a, 2.0e-6)))
+    assert measured < told < 8.0 * measured and thicker <= told < harder
+
+
 def test_a_body_force_that_makes_the_fluid_too_fast_is_refused():
     """Its Mach number is that of the parabola, and the relaxation time that is told mends it."""
     name = "Mach number of the driven fluid"
