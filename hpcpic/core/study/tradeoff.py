@@ -290,6 +290,8 @@ def recommended(made: Recommendation, wanted: float, limit: float | None) -> Ver
 
 
 def tell_recommendation(search: Search, verified: Verified, wanted: float) -> None:
+    from hpcpic.core.study.recommend import DEAREST
+
     proposal, scale = verified.proposal, search.pilots.knobs.time / search.quantity.time
     click.echo()
     rows = [
@@ -304,13 +306,15 @@ def tell_recommendation(search: Search, verified: Verified, wanted: float) -> No
     seconds = verified.pilot.seconds * scale
     faster, fewer = search.base.seconds * scale / seconds, search.base.work / verified.pilot.work
     estimated = search.base.price / verified.pilot.price
-    beside = ", ".join(f"{words} neighbour {percent(error)}" for words, error in verified.neighbours.items())
+    beside = [f"{words} neighbour {percent(error)}" for words, error in verified.neighbours.items()]
+    left_out = " and ".join(words for words in ("coarser", "finer") if words not in verified.neighbours)
+    beside += [f"{left_out} neighbour not run: dearer than {DEAREST:g} pilots, or beyond a limit"] if left_out else []
     seen = search.pilots.knobs.seen
     field = f"; {seen.name} at the end off by {percent(verified.field)}" if seen and verified.field >= 0.0 else ""
     head = "certified   " if verified.certified else "marked      NOT certified: "
     click.echo(
         f"{head}off by {percent(verified.error)}, from a reference known to {percent(search.uncertainty)}, "
-        f"where {percent(wanted)} is allowed\n            {beside or 'no neighbour was run'}{field}\n"
+        f"where {percent(wanted)} is allowed\n            {', '.join(beside)}{field}\n"
         f"cost        {duration(seconds)} for the whole run, {faster:.3g} times faster than the case "
         f"(estimated: {estimated:.3g}); {fewer:.3g} times fewer {search.pilots.knobs.work_unit}\n"
         f"search      {duration(search.pilots.spent)} of steps, "

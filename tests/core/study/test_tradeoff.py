@@ -259,6 +259,21 @@ def test_a_setting_that_is_better_than_a_finer_one_is_not_certified(program, tmp
     assert ("not certified: the finer neighbour is off by 2." in done.stderr) != certified
 
 
+def test_a_neighbour_that_is_not_run_is_told(program, tmp_path, monkeypatch):
+    """Of a setting twice as dear as the case the finer one; of one that is cheaper both are run."""
+    timed = search.Search.pilot
+    monkeypatch.setattr(
+        search.Search, "pilot", lambda *words, **more: replace(run := timed(*words, **more), seconds=run.price)
+    )
+    words = ("tradeoff", "-o", "out", "--knobs", "dt", "--tolerance")
+    for tolerance, missing in (("0.04%", "finer"), ("0.3%", "")):
+        done = program(*words, tolerance, dx=1e-3, particles=10**6)
+        assert done.returncode == 0, done.stderr
+        assert (f"{missing} neighbour not run: dearer than 2 pilots" in done.stdout) == bool(missing)
+        assert set(found(tmp_path)["recommended"]["neighbours"]) == {"coarser", "finer"} - {missing}
+        assert "coarser neighbour 0." in done.stdout and ("finer neighbour 0." in done.stdout) == (not missing)
+
+
 def test_a_knob_without_room_says_what_is_in_the_way(program):
     done = program("tradeoff", "-o", "out", "--knobs", "dx,dt", dx=0.1, most=0.11, steps=400)
     assert done.returncode == 0, done.stderr  # 0.8 and 0.65 times the spacing are affordable
