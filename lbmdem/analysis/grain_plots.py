@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from hpcpic.core.files.reader import Particles, Run
 
 SOLID = "#b9bec5"
+FLAT = 0.5  # height over width of a box below which pictures stand two in a line, not all in one
 
 
 def config_of(run: Run) -> LbmDemConfig:
@@ -48,24 +50,31 @@ def grains(run: Run, step: int | None = None) -> Figure:
     size = config.domain.size
     across, along = size[0], size[-1]
     ratio = min(along / across, 4.0)
+    lines, flat = math.ceil(len(chosen) / 2), ratio < FLAT and len(chosen) > 1
+    shape, inches = (1, len(chosen)), (1.2 + 1.45 * len(chosen), 1.0 + 1.4 * ratio)
+    if flat:
+        shape, inches = (lines, 2), (9.8, 0.4 + lines * (0.55 + 4.1 * ratio))
     with style():
-        figure, axes = new_figure(1, len(chosen), (1.2 + 1.45 * len(chosen), 1.0 + 1.4 * ratio), squeeze=False)
+        figure, axes = new_figure(*shape, inches, squeeze=False)
         scale = _scale_of_speeds([all_grains(run, at) for at in spread])
-        for axis, at in zip(axes[0], chosen):
+        for axis in axes.flat[len(chosen) :]:
+            axis.remove()
+        for axis, at in zip(axes.flat, chosen):
             _draw_box(axis, config)
             _draw_grains(axis, with_images(all_grains(run, at), config), config.dimensions, scale)
             axis.set(xlim=(0, across), ylim=(0, along), aspect="equal", xticks=[0, across], yticks=[0, along])
-            axis.tick_params(labelsize=7.5, labelleft=axis is axes[0, 0])
+            axis.tick_params(labelsize=7.5, labelleft=axis in axes[:, 0])
             axis.set_xticklabels(["0", f"{across:.3g}"])
             axis.set_yticklabels(["0", f"{along:.3g}"])
             axis.grid(visible=False)
             for side in axis.spines.values():
                 side.set_visible(True)
             axis.set_title(f"{snapshots.times[steps.index(at)]:.3g} s", fontsize=9.5)
-        axes[0, 0].set_ylabel(f"{'yz'[config.dimensions - 2]}, m", fontsize=8.5, labelpad=-4)
+        for axis in axes[:, 0]:
+            axis.set_ylabel(f"{'yz'[config.dimensions - 2]}, m", fontsize=8.5, labelpad=6 if flat else -4)
         figure.supxlabel("x, m", fontsize=8.5)
         if scale:
-            figure.colorbar(scale, ax=list(axes[0]), label="speed, m/s", pad=0.01)
+            figure.colorbar(scale, ax=list(axes.flat[: len(chosen)]), label="speed, m/s", pad=0.01)
         return figure
 
 

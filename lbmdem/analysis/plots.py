@@ -20,6 +20,7 @@ from hpcpic.core.app.figures import (
     columns_of,
     gauges_figure,
     new_figure,
+    plain,
     present,
     series_of,
     steps_of,
@@ -269,6 +270,25 @@ def energies(run: Run, step: int | None = None) -> Figure:
         return figure
 
 
+def forces(run: Run, step: int | None = None) -> Figure:
+    """Force of the fluid on each obstacle, and on each set of grains that stays, along every axis."""
+    config = config_of(run)
+    held = [group.name for group in config.grains if config.coupling.frozen or not group.moving]
+    names = [name for name in (*(one.name for one in config.obstacle), *held) if f"force_{name}_x" in series_of(run)]
+    if not names:
+        raise NotInScene("no obstacle and no grains that stay are in a fluid")
+    with style():
+        figure, axes = new_figure(len(names), 1, (6.4, 2.6 * len(names) + 0.4), squeeze=False, sharex=True)
+        for axis, name in zip(axes[:, 0], names):
+            for along, colour in zip("xyz"[: config.dimensions], COLOURS):
+                axis.plot(*thinned(*columns_of(run, f"force_{name}_{along}")), color=colour, label=along)
+            unit = run.series.units[f"force_{name}_x"]
+            axis.set(ylabel=axis_label("force", unit), title=f"Force on {plain(name)}")
+            axis.legend(ncols=3)
+        axes[-1, 0].set_xlabel("time, s")
+        return figure
+
+
 def _decay(config: LbmDemConfig) -> float:
     """Rate of the kinetic energy of vortices that viscosity ends, 1/s; 0 of any other flow."""
     fluid = config.fluid
@@ -287,6 +307,7 @@ PLOTS = {
     "rolling": Plot("From sliding to rolling", rolling),
     "permeability": Plot("Permeability in time", permeability),
     "stress": Plot("Stress between grains against the hydraulic gradient", stress),
+    "forces": Plot("Forces on obstacles, and on grains that stay", forces),
     "gauges": Plot("Gauges in time", gauges),
     "energies": Plot("Kinetic energies", energies),
     "mass": Plot("Mass and Mach number", mass),

@@ -9,6 +9,7 @@ from figure_texts import unreadable
 
 from hpcpic.core.app.figures import NoData, save
 from hpcpic.core.files.reader import open_run
+from lbmdem.analysis import grain_plots
 from lbmdem.analysis.plots import PLOTS, config_of
 
 SHORT = {
@@ -24,7 +25,7 @@ EXPECTED = {
     "poiseuille": ALWAYS | {"flow", "profile", "mass"},
     "slide-to-roll": ALWAYS | {"grains", "tracks", "rolling"},
     "restitution": ALWAYS | {"grains", "tracks"},
-    "sphere-array": ALWAYS | {"flow", "permeability", "mass"},
+    "sphere-array": ALWAYS | {"flow", "permeability", "forces", "mass"},
 }
 
 
@@ -60,3 +61,23 @@ def test_tracks_are_the_grains_of_the_snapshots(run):
     drawn = np.asarray(height.get_lines()[0].get_ydata())
     assert drawn[0] == pytest.approx(config_of(run).grains[0].position[0][1])
     assert len(drawn) == len(run.particle_snapshots.steps) and np.all(np.diff(drawn) < 0)
+
+
+@pytest.mark.parametrize("run", ["sphere-array"], indirect=True)
+def test_the_force_on_a_sphere_that_stays_is_drawn_as_the_series_has_it(run):
+    (axes,) = PLOTS["forces"].make(run, None).axes
+    for along, line in zip("xyz", axes.get_lines(), strict=True):
+        assert line.get_label() == along
+        assert np.array_equal(line.get_ydata(), run.series[f"force_sphere_{along}"])
+
+
+@pytest.mark.parametrize("run", ["slide-to-roll"], indirect=True)
+def test_pictures_of_a_flat_box_stand_two_in_a_line_in_their_order(run, monkeypatch):
+    in_one_line = PLOTS["grains"].make(run, None).axes
+    monkeypatch.setattr(grain_plots, "FLAT", 2.0 * config_of(run).domain.size[2] / config_of(run).domain.size[0])
+    figure = PLOTS["grains"].make(run, None)
+    figure.canvas.draw()
+    places = [(round(-axes.get_position().y0, 3), axes.get_position().x0) for axes in figure.axes]
+    assert [axes.get_title() for axes in figure.axes] == [axes.get_title() for axes in in_one_line]
+    assert len(places) > 2 and places == sorted(places) and len({y for y, _ in places}) == (len(places) + 1) // 2
+    assert not unreadable(figure)
