@@ -18,6 +18,8 @@ from lbmdem.setup.overlap_survey import survey
 
 DEAR_SUBSTEPS = 1000  # of the contacts in a step of the fluid, which take longer than all else
 MAX_SUBSTEPS = 100_000
+PILE = 2.0  # layers of grains, from which on they lie on each other
+REPOSE = 0.4  # slope of a heap
 
 
 def contacts(config: LbmDemConfig) -> Iterator[Derived]:
@@ -71,10 +73,32 @@ def overlaps(config: LbmDemConfig) -> Iterator[Derived]:
             cure = f"normal_stiffness = {layers * weight / (0.01 * size):.2g} gives 1 % for {group.name}"
             source = f"weight of {layers:.3g} layers of grains" if layers > 1.0 else "weight of one layer of grains"
             yield overlap("overlap at rest", share, source, cure, key, forceable=share < 1.0)  # else it falls through
+            if law.friction and law.viscosity and not law.shear:
+                yield from creep(config, group, max(layers, heap(group.count, d)), weight / size)
         share = deepest_overlap(impact_speed(config, i), mass, law) / size
         if share > 0.01 and not (config.fluid and config.coupling.lubrication):  # films bring it to rest
             cure = f"normal_stiffness = {stiffness * (share / 0.01) ** 2:.2g} gives 1 % for {group.name}"
             yield overlap("overlap at impact", share, "linear spring and dashpot, free fall", cure, key)
+
+
+def creep(config: LbmDemConfig, group: GrainSet, layers: float, weight: float) -> Iterator[Derived]:
+    """How far the contacts below so many layers slip until the end, at most: friction that is smoothed by a viscosity
+    holds nothing at rest. weight: of a grain over its diameter, N/m."""
+    law = contact_law(config)
+    diameters = law.friction * layers * weight / law.viscosity * config.simulation.end_time
+    if layers >= PILE:
+        yield judged(
+            f"creep of {group.name} in a pile", "mu N t/(beta d)", diameters, ok=diameters <= 1.0, legal=True,
+            limit="<= 1", source="T = beta v below mu N", key=("contact", "tangential"),
+            cure='a slope flows on like a thick liquid; tangential = "history" lets it come to rest',
+        )  # fmt: skip
+
+
+def heap(count: float, d: int) -> float:
+    """How many diameters high so many grains lie where nothing but the slope of repose holds them: a wedge, a cone."""
+    filled = 1.0 - LOOSE[d]
+    wedge, cone = math.pi / 4.0 * REPOSE / filled, 0.5 * REPOSE**2 / filled
+    return math.sqrt(wedge * count) if d == 2 else math.cbrt(cone * count)
 
 
 def layers_at_rest(config: LbmDemConfig, group: GrainSet) -> float:

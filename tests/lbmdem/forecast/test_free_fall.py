@@ -181,6 +181,23 @@ def test_grains_side_by_side_do_not_lie_on_each_other(rows, layers):
         assert (soft.verdict, soft.forceable) == ("fail", forceable)
 
 
+def test_a_pile_whose_friction_is_a_viscosity_creeps_as_its_load_time_and_viscosity_say():
+    """200 discs fill 6.5 layers of the floor, less than the 8.9 of their heap; a row of 3 is no pile."""
+    places = [[1e-3 + 1.4e-3 * i, 5e-4 + 1.1e-3 * k] for i in range(20) for k in range(10)]
+    text, name = ROW.replace("PLACES", ", ".join(map(str, places))), "creep of grains_1 in a pile"
+    beta, high = 0.05, math.sqrt(200 * math.pi / 4.0 * 0.4 / 0.8)
+    told = number(text, name, f"contact.tangential_viscosity={beta}")
+    weight = 2650.0 * math.pi / 4.0 * 1e-6 * 9.81
+    assert told.value == pytest.approx(0.5 * high * weight / beta * 0.3 / 1e-3, rel=1e-9) and told.verdict == "warn"
+    assert number(text, name, f"contact.tangential_viscosity={told.value * beta}").verdict == "ok"
+    for sets in (("simulation.end_time=0.6",), ("gravity=[0.0, -19.62]",), ("contact.friction=1.0",)):
+        twice = number(text, name, *sets, f"contact.tangential_viscosity={2.0 * beta}")
+        assert twice.value == pytest.approx(told.value, rel=1e-9)
+    for sets in (('contact.tangential="history"',), ("contact.friction=0.0",), ("gravity=[0.0, 0.0]",)):
+        assert number(text, name, *sets) is None
+    assert number(ROW.replace("PLACES", ", ".join(map(str, places[:30:10]))), name) is None
+
+
 HOPPER = """
 simulation = { end_time = 0.5; };
 domain = { size = [0.01, 0.08]; };
