@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from hpcpic.core.files.reader import Run
 
 
+HEAVY = 0.03  # times the plasma frequency: that of ions which electrons leave at rest, to 5e-4 of their own
+
+
 @dataclass(frozen=True, slots=True)
 class Prediction:
     """A wave exp(i k.x - i omega t): continuum root, root of the scheme, and the name of the law."""
@@ -96,9 +99,15 @@ def predict(config: PlasmaConfig, mode: Sequence[int]) -> Prediction | None:
         pass
     if cold and still:
         return Prediction("cold wave", complex(wp), _cold_on_mesh(config, k, meshed))
-    if len(found) == 1 and still and size * found[0].thermal_velocity / wp < 2.0:
-        omega = wp * theory.landau(size * found[0].thermal_velocity / wp)
-        return Prediction("Landau damping", omega, _on_mesh(omega, k, meshed, mesh))
+    waving = [pair for pair in zip(found, meshed) if pair[0].plasma_frequency > HEAVY * wp]
+    started = (s for s in config.species if s.perturbation)
+    if len(waving) > 1 or not still or any(plasma_frequency(config, s) <= HEAVY * wp for s in started):
+        return None
+    ((beam, scheme),) = waving
+    wp = beam.plasma_frequency
+    if size * beam.thermal_velocity / wp < 2.0:
+        omega = wp * theory.landau(size * beam.thermal_velocity / wp)
+        return Prediction("Landau damping", omega, _on_mesh(omega, k, (scheme,), mesh))
     return None
 
 

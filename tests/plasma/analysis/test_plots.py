@@ -14,7 +14,8 @@ from plasma_reference import make_run
 
 from hpcpic.__main__ import load_app
 from hpcpic.core.app.figures import NoData, overlay_figure, save, svg, thinned, timers_figure
-from hpcpic.core.case.config import load
+from hpcpic.core.case.config import load, loads
+from hpcpic.core.case.schema import dump
 from hpcpic.core.cli.main import build
 from hpcpic.core.files import reader
 from hpcpic.core.files.arrays import FieldArray
@@ -310,6 +311,21 @@ def test_an_oblique_wave_dies_by_its_wave_number_and_the_closed_form_of_a_cold_o
     k = 2 * math.pi * np.array([1, 2, 1]) / (6.0, 8.0, 5.0)
     exact = theory.cold_wave_frequency(1.0, 0.2, k, (6 / 16, 8 / 32, 5 / 16))
     assert random.omega_mesh.real == pytest.approx(exact, rel=1e-6) != lattice.real
+
+
+@pytest.mark.parametrize(
+    "mass, perturbed, known", [(1836.0, "", True), (100.0, "", False), (1836.0, "amplitude", False)]
+)
+def test_ions_beside_electrons_leave_their_wave_alone_where_they_are_heavy_and_started_evenly(mass, perturbed, known):
+    """To half the ratio of the masses; a wave that the ions start too is one of sound."""
+    alone = case("landau-damping")
+    ions = f'{{ name = "ions"; particles = 64; charge = 1.0; mass = {mass}; plasma_frequency = {mass**-0.5!r}; '
+    ions += 'thermal_velocity = 0.01; init_method = "quiet"; '
+    ions += f"perturbation = {{ mode = [1]; {perturbed} = 0.01; }}; }}" if perturbed else "}"
+    both = configure(loads(dump(alone).replace("species = (", f"species = ({ions},", 1)))
+    law, own = predictions.predict(both, (1,)), predictions.predict(alone, (1,))
+    assert (law and law.law) == ("Landau damping" if known else None)
+    assert not known or (law.omega, law.omega_mesh) == pytest.approx((own.omega, own.omega_mesh), rel=1e-12)
 
 
 def test_no_law_where_none_applies():
