@@ -65,7 +65,12 @@ class Histograms:
             self._warned.add(histogram.name)
             if self.world.rank == 0:
                 share = f"{beyond / species.n:.3g} of {species.name}"
-                log.warning("histogram %s: a share of %s lies beyond its low and high", histogram.name, share)
+                limits = zip(histogram.of, histogram.low, histogram.high)
+                wider = ", ".join(f"{axis} from {low:.4g} to {high:.4g}" for axis, low, high in limits)
+                log.warning(
+                    "histogram %s: a share of %s lies beyond its low and high, %s; give wider ones in the case",
+                    histogram.name, share, wider,
+                )  # fmt: skip
         edges = {
             axis: np.linspace(low, high, n + 1)
             for axis, n, low, high in zip(histogram.of, histogram.bins, histogram.low, histogram.high)

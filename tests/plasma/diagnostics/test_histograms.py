@@ -133,7 +133,8 @@ def test_who_lies_in_no_bin_is_told_once(world, caplog):
             found = plasma.histograms()["fv"]
     assert found.beyond + found.counts.sum() == 30001 and found.beyond > 10000
     assert [record.getMessage() for record in caplog.records] == [
-        f"histogram fv: a share of {found.beyond / 30001:.3g} of e lies beyond its low and high"
+        f"histogram fv: a share of {found.beyond / 30001:.3g} of e lies beyond its low and high, vx from 1 to 9; "
+        "give wider ones in the case"
     ]
     plasma.close()
 
