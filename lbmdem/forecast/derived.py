@@ -302,6 +302,10 @@ def packings(config: LbmDemConfig) -> Iterator[Derived]:
         as_said = wanted is None or abs(high - wanted) <= 1e-3 * (high - low)
         limit = f"<= {top:g}, the top of the box" if as_said else f"{wanted:g}, as packing.high says"
         cure = "change its count or porosity" + ("" if as_said else ", or leave high out")
+        full = solid / math.prod(config.domain.size[:-1])  # the height of its grains without a gap
+        fitting = math.floor(1000.0 * (1.0 - full / (top - low))) / 1000.0 if top > low else 0.0
+        if as_said and fitting >= least:
+            cure = f"porosity = {fitting:g} has room for its {law.count} grains, or take fewer"
         ok = high <= top * (1.0 + 1e-12) and as_said
         yield judged(f"top of {group.name}", "z", high, unit="m", ok=ok, limit=limit, cure=cure, key=key)
 

@@ -1,6 +1,7 @@
 """What check tells of gravity and body forces: falls that nothing holds, and grains too fast for their lattice."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -133,6 +134,15 @@ grains = ({ diameters = { min = 0.9e-3; max = 1.1e-3; count = COUNT; }; packing 
 contact = { friction = 0.5; };
 gravity = [0.0, -9.81];
 """
+
+
+@pytest.mark.parametrize(("count", "low"), [(900, 0.0), (900, 0.001), (1000, 0.0)])
+def test_the_porosity_that_is_told_for_a_packing_beyond_its_box_fits_and_less_is_not_needed(count, low):
+    text = SILO.replace("COUNT", str(count)).replace("packing = { }", f"packing = {{ porosity = 0.5; low = {low}; }}")
+    told = number(text, "top of grains_1")
+    fits = float(re.search(r"porosity = (\S+) has room for its (\d+) grains", told.cure)[1])
+    at = [number(text, "top of grains_1", f"grains[0].packing.porosity={fits + more}").verdict for more in (0.0, 0.001)]
+    assert told.verdict == "fail" and at == ["ok", "fail"]
 
 
 def test_a_packing_between_walls_that_would_carry_it_is_no_silo_at_rest():
