@@ -23,6 +23,7 @@ def kernel_texts(app: App, config: Any) -> dict[str, str]:
     from hpcpic.core import memory
     from hpcpic.core.comm.world import World
     from hpcpic.core.simd.compile import generated
+    from hpcpic.core.simd.generate import overridden
     from hpcpic.core.tasks.graph import Pool
     from hpcpic.core.timers import Timers
 
@@ -39,17 +40,17 @@ def kernel_texts(app: App, config: Any) -> dict[str, str]:
         texts[title] = "".join(linecache.getlines(f"<{key}>"))
         functions = ((name, getattr(value, "py_func", value)) for name, value in vars(module).items())
         own = ((name, value) for name, value in functions if inspect.isfunction(value) and value.__module__ == key)
-        texts |= {f"{title}.{name}": inspect.getsource(value) for name, value in own}
+        texts |= {f"{title}.{name}": inspect.getsource(value) for name, value in own if (key, name) not in overridden}
     return texts
 
 
 def print_kernel(app: App, config: Any, name: str) -> None:
-    """Print a module, or a kernel by MODULE.NAME or NAME alone; "list": the names. Raises ConfigError."""
+    """Print a kernel by MODULE.NAME or NAME alone, or else a module; "list": the names. Raises ConfigError."""
     texts = kernel_texts(app, config)
     if name == "list":
         table(("kernel", "lines"), [(key, text.count("\n")) for key, text in texts.items()], right=("lines",))
         return
-    found = [name] if name in texts else [key for key in texts if key.endswith(f".{name}")]
+    found = [key for key in texts if key.endswith(f".{name}")] or [name] * (name in texts)
     if len(found) != 1:
         there = ", ".join(found or difflib.get_close_matches(name, texts, 3, 0.3) or ["those of --kernel list"])
         raise ConfigError(f"--kernel {name}: {'several' if found else 'none'} of that name; there are {there}")

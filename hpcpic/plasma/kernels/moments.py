@@ -10,8 +10,7 @@ from hpcpic.core.simd.vector import fma
 from hpcpic.core.space.exact import add_limbs
 from hpcpic.plasma.kernels.lanes import inlined, kernel
 from hpcpic.plasma.kernels.mesh import bounded
-from hpcpic.plasma.kernels.plain import place_of
-from hpcpic.plasma.kernels.storage import LANES, PAGE
+from hpcpic.plasma.kernels.storage import LANES, PAGE, place_of
 from hpcpic.plasma.kernels.weights import anchor_in, deposit, gather
 from hpcpic.plasma.sizes import PLACE_BITS
 

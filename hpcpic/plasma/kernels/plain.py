@@ -27,6 +27,7 @@ from hpcpic.plasma.kernels.storage import (
     depart,
     leaver_mask,
     pages_of,
+    place_of,
     prefetch_pack,
 )
 from hpcpic.plasma.kernels.weights import ZERO, anchor_in, deposit, gather
@@ -38,17 +39,6 @@ ROTATION = 0  # 0 no magnetic field, 1 along z, 2 any direction
 REAL = np.float64  # precision of a particle
 
 AHEAD = 16  # particles
-
-
-@inlined
-def place_of(pool, page, pack, lane):
-    """Position of a particle; zero along axes that the scene does not have."""
-    y = z = ZERO
-    if DIM > 1:
-        y = pool[page, pack, 1, lane]
-    if DIM == 3:
-        z = pool[page, pack, 2, lane]
-    return pool[page, pack, 0, lane], y, z
 
 
 @inlined

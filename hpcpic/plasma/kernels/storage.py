@@ -48,6 +48,17 @@ def box_of(block, boxes):
 
 
 @inlined
+def place_of(pool, page, pack, lane):
+    """Position of a particle; zero along axes that the scene does not have."""
+    y = z = REAL(0)
+    if DIM > 1:
+        y = pool[page, pack, 1, lane]
+    if DIM == 3:
+        z = pool[page, pack, 2, lane]
+    return pool[page, pack, 0, lane], y, z
+
+
+@inlined
 def append(slot, pages):
     """Page and place for one more particle of the slot; (-1, 0) when the block has no free page."""
     head, counters = pages.head, pages.counters

@@ -64,7 +64,7 @@ class PushSpec:
         return specialise(
             "hpcpic.plasma.kernels",
             stems,
-            integrands_source(moments, self.velocities),
+            {"moments": integrands_source(moments, self.velocities)},
             replaced=("linear",),
             DIM=self.dimensions,
             NODES=self.shape.nodes,

@@ -1,6 +1,5 @@
 """Laws of the particle kernels: vector = plain bits, exact charge, no particle lost at any speed, |v| kept."""
 
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -49,18 +48,6 @@ def pool():
 def linear(dtype, velocities=2, rotation=0):
     """CIC in 2D."""
     return PushSpec(2, SHAPES["CIC"], velocities, rotation, dtype, moments())
-
-
-class ThriftySpec(PushSpec):
-    """Its plain kernels are those that differ from vectors'; what both modules have alike is compiled once."""
-
-    def kernels(self, plain=False):
-        made = super().kernels()
-        if not plain:
-            return made
-        one_by_one = super().kernels(plain=True)
-        differ = {name: getattr(one_by_one, name) for name in ("push", "deliver", "deposit_all")}
-        return SimpleNamespace(**vars(made) | differ)
 
 
 def cloud(pool, spec, points, *, blocks=1, n=4000, speed=0.3, plain=False, field=0.1, x=None):
@@ -114,7 +101,7 @@ def advance(made, steps):
 @pytest.mark.parametrize(("d", "v", "rotation", "shape", "dtype"), BOTH)
 def test_vectors_give_the_bits_of_the_plain_kernels(pool, shape, d, v, rotation, dtype):
     points = {1: (600,), 2: (41, 37), 3: (19, 13, 10)}[d]
-    spec = ThriftySpec(d, SHAPES[shape], v, rotation, dtype, moments())
+    spec = PushSpec(d, SHAPES[shape], v, rotation, dtype, moments())
     for n, speed in ((4000, 0.3), (4000, 40.0), (60, 5.0)):  # 60: so few that some tiles go without vectors
         fast, plain = (cloud(pool, spec, points, blocks=3, n=n, speed=speed, plain=plain) for plain in (False, True))
         for _ in range(3):
