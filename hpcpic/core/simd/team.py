@@ -111,10 +111,11 @@ class Team:
             helper.tell(job)
 
     def close(self) -> None:
-        """The helpers end, as they do with this process, however that ends."""
+        """The helpers end, as they do with this process, however that ends. New ones want threads again."""
         for helper in self._helpers:
             helper.close()
         self._helpers = []
+        self.size = 1
 
 
 team = Team()

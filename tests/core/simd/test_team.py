@@ -150,6 +150,14 @@ def test_a_helper_that_is_interrupted_keeps_no_kernel_without_its_parts(tmp_path
     assert len(names) < 7
 
 
+def test_one_thread_after_two_has_no_helper(tmp_path):
+    program = PROGRAM.replace("pool, out,", "Pool(2).close()\npool, out,")
+    words = [sys.executable, "-c", program, "1"]
+    environment = os.environ | {"HPCPIC_CACHE_DIR": str(tmp_path)}
+    done = subprocess.run(words, env=environment, input="\n", capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0 and done.stdout.startswith("\n"), done.stdout + done.stderr
+
+
 def test_no_helper_where_nothing_can_be_kept(tmp_path, alone):
     file = tmp_path / "file"
     file.touch()
