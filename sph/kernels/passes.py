@@ -50,6 +50,7 @@ from hpcpic.core.simd.vector import (
 from sph.kernels.runs import across_a_film
 from sph.physics import terms
 from sph.physics.smoothing import SMOOTHING
+from {clear} import clear
 
 REAL = np.{real}
 F_ = Vec({lanes}, REAL)
@@ -66,10 +67,16 @@ BEYOND = (  # r^2 of lanes behind the end of a run: from `LANES_ - those before 
 )
 
 CLEAR = """
+import numpy as np
+from hpcpic.core.simd.compile import njit
+from hpcpic.core.simd.vector import Vec, splat, store
+
+F_ = Vec({lanes}, np.{real})
+
 
 @njit
 def clear(line, first, last):
-    for k in range(first, last, LANES_):
+    for k in range(first, last, {lanes}):
         store(line, k, splat(F_, 0.0))
 """
 
@@ -255,15 +262,16 @@ def _indent(lines: Sequence[str], depth: int) -> str:
     return "".join(" " * depth + line + "\n" for line in lines)
 
 
-def source(spec: PairSpec) -> str:
-    """The module with a kernel for each pass of a case."""
-    texts = [PassText(spec, title, one) for title, one in passes_of(spec).items()]
-    head = HEAD.format(real=spec.real, lanes=lanes(np.dtype(spec.real)), kernel=spec.kernel)
-    return head + CLEAR + "".join(text.source for text in texts) + f"\n# {SMOOTHING[spec.kernel].digest}\n"
-
-
 def make(spec: PairSpec) -> ModuleType:
-    """The compiled kernels, by the titles of `passes_of`."""
+    """The compiled kernels, by the titles of `passes_of`, each in a module of its own, which other cases may share."""
     for function in (SMOOTHING[spec.kernel].w, SMOOTHING[spec.kernel].f):
         formula(function)
-    return module_from_source(source(spec), "sph_pairs")
+    known = {"real": spec.real, "lanes": lanes(np.dtype(spec.real))}
+    clear = module_from_source(CLEAR.format(**known), "clear").__name__
+    head = HEAD.format(**known, kernel=spec.kernel, clear=clear)
+    foot = f"\n# {SMOOTHING[spec.kernel].digest}\n"
+    made = ModuleType("pairs")
+    for title, one in passes_of(spec).items():
+        module = module_from_source(head + PassText(spec, title, one).source + foot, f"pairs_{title}")
+        setattr(made, title, getattr(module, title))
+    return made
