@@ -43,6 +43,13 @@ def report(*words):
     return CliRunner().invoke(build(load_app, "hpcpic", "plasma"), ["report", *map(str, words)])
 
 
+@pytest.fixture
+def bare_run(folders, tmp_path):
+    """What a run says of itself, without its series and snapshots: pages without figures of these are made sooner."""
+    names = ("series.h5", "fields.vtkhdf", "particles.vtkhdf")
+    return shutil.copytree(folders[0], tmp_path / "bare", ignore=shutil.ignore_patterns(*names))
+
+
 @pytest.fixture(scope="module")
 def page(folders):
     done = report(folders[0])
@@ -145,7 +152,7 @@ def test_a_run_that_has_just_begun_has_a_page_alone_and_beside_others(folders, t
 
 
 def test_a_run_under_way_tells_how_far_its_series_is(folders, tmp_path):
-    folder = shutil.copytree(folders[0], tmp_path / "going")
+    folder = shutil.copytree(folders[0], tmp_path / "going", ignore=shutil.ignore_patterns("*.vtkhdf"))
     facts = json.loads((folder / "run.json").read_text())
     for name in ("steps", "time", "exit_code"):
         del facts[name]
@@ -165,29 +172,24 @@ def test_a_folder_without_a_run_is_a_file_error(tmp_path):
     assert report().exit_code == 2
 
 
-def test_a_run_that_failed_says_so(folders, tmp_path):
-    folder = tmp_path / "failed"
-    shutil.copytree(folders[0], folder)
-    for name in ("series.h5", "fields.vtkhdf", "particles.vtkhdf"):
-        (folder / name).unlink()
-    text = (folder / "run.json").read_text()
+def test_a_run_that_failed_says_so(bare_run):
+    text = (bare_run / "run.json").read_text()
     text = text.replace('"status": "finished"', '"status": "diverged"').replace('"exit_code": 0', '"exit_code": 4')
-    (folder / "run.json").write_text(text)
-    done = report(folder)
+    (bare_run / "run.json").write_text(text)
+    done = report(bare_run)
     assert done.exit_code == 0, done.output
-    page = (folder / "report.html").read_text()
+    page = (bare_run / "report.html").read_text()
     assert 'class="mark fail">diverged, exit code 4<' in page
     assert page.count("<figcaption>") == 1  # timers come from run.json
 
 
-def test_numbers_are_told_with_symbol_limit_verdict_and_source(folders, tmp_path):
-    folder = shutil.copytree(folders[0], tmp_path / "run")
-    facts = json.loads((folder / "run.json").read_text())
-    told = {"name": "Courant number", "symbol": "C_o", "value": 0.5, "unit": "", "limit": "< 1", "verdict": "ok",
-            "source": "thesis (3.4)"}  # fmt: skip
-    (folder / "run.json").write_text(json.dumps(facts | {"derived": [told]}))
-    assert report(folder).exit_code == 0
-    page = (folder / "report.html").read_text()
+def test_numbers_are_told_with_symbol_limit_verdict_and_source(bare_run):
+    facts = json.loads((bare_run / "run.json").read_text())
+    known = {"name": "Courant number", "symbol": "C_o", "value": 0.5, "unit": "", "limit": "< 1", "verdict": "ok",
+             "source": "thesis (3.4)"}  # fmt: skip
+    (bare_run / "run.json").write_text(json.dumps(facts | {"derived": [known]}))
+    assert report(bare_run).exit_code == 0
+    page = (bare_run / "report.html").read_text()
     for text in ("C_o", "thesis (3.4)", "<th>verdict</th>", "<th>source</th>"):
         assert text in page, text
 
@@ -199,18 +201,17 @@ def rows_of(page, title):
     return {row[0].strip(): [cell.strip() for cell in row[1:]] for row in rows if row}
 
 
-def test_estimates_stand_beside_what_they_are_of(folders, tmp_path):
+def test_estimates_stand_beside_what_they_are_of(bare_run):
     """An estimate counts the start and compiles nothing: of 42 s are 10 s of steps, 2 s of start, 30 s of compiling."""
-    folder = shutil.copytree(folders[0], tmp_path / "run")
-    facts = json.loads((folder / "run.json").read_text())
+    facts = json.loads((bare_run / "run.json").read_text())
     facts |= {"wall_seconds": 42.5, "loop_seconds": 25.0, "start_seconds": 17.0, "start_compiling_seconds": 15.0}
     facts["loop_compiling_seconds"] = 15.0
     facts["timers"] = {name: {"min": s, "avg": s, "max": s, "share": s / 25.0, "calls": 1}
                        for name, s in (("push", 10.0), ("compiling", 15.0))}  # fmt: skip
     facts["estimate"] = {"step_ms": 1.0, "seconds": 9.0, "start_seconds": 1.0}
-    (folder / "run.json").write_text(json.dumps(facts))
-    assert report(folder).exit_code == 0
-    page = (folder / "report.html").read_text()
+    (bare_run / "run.json").write_text(json.dumps(facts))
+    assert report(bare_run).exit_code == 0
+    page = (bare_run / "report.html").read_text()
     rows = rows_of(page, "Estimate beside measurement")
     assert rows["all steps and output, s"] == ["8", "10", "1.25"]
     assert rows["start and set-up, s"] == ["1", "2", "2.00"]
@@ -222,7 +223,7 @@ def test_estimates_stand_beside_what_they_are_of(folders, tmp_path):
 
 
 def test_what_a_scheme_dissipates_is_no_error_of_conservation(folders, tmp_path):
-    folder = shutil.copytree(folders[0], tmp_path / "run")
+    folder = shutil.copytree(folders[0], tmp_path / "run", ignore=shutil.ignore_patterns("*.vtkhdf"))
     facts = json.loads((folder / "run.json").read_text())
     entry = {"first": 60.0, "last": 36.0, "change": 24.0, "relative": 0.4, "dissipated": True}
     (folder / "run.json").write_text(json.dumps(facts | {"conservation": {"energy_total": entry, "mass": entry}}))
