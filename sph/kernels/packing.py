@@ -7,12 +7,14 @@ from hpcpic.core.simd.vector import Vec, lane_numbers, lanes, load, maximum, sel
 
 N = lanes(np.float64)
 F, I = Vec(N, np.float64), Vec(N, np.int64)
+STIFF = 10.0
 
 
 @njit
-def into_cells(x, low, edge, shape, start, order, placed):
+def into_cells(x, solid, low, edge, shape, start, order, placed):
     """Order points x[n, d] by cells, shape[3] of them: order[slot] = point, start[cell] = slot of the first of the cell
-    or later, placed[3, slots + N] = x - low. In 2D the first axis has one cell, and all points lie at 0 along it.
+    or later, placed[4, slots + N] = x - low, then STIFF for points of a solid, 0 for others. In 2D the first axis has
+    one cell, and all points lie at 0 along it.
     """
     n, d = x.shape
     at, cell = np.zeros(3, np.int64), np.empty(n, np.int32)
@@ -30,14 +32,15 @@ def into_cells(x, low, edge, shape, start, order, placed):
         order[slot] = i
         for k in range(d):
             placed[3 - d + k, slot] = x[i, k] - low[k]
+        placed[3, slot] = STIFF if solid[i] else 0.0
 
 
 @njit
-def pushes(n, reach, shape, start, order, placed, found):
+def pushes(n, reach, core, shape, start, order, placed, found):
     """Find found[n, d] = sum of (1 - r / reach)^3 r_ij over all points, in m, of the first n: the slope of Wendland's
-    C2 kernel.
+    C2 kernel; and STIFF (core - r) / reach r_ij of those of a solid that are nearer than a core.
     """
-    d, edge = found.shape[1], reach / 2.0
+    d, edge, within = found.shape[1], reach / 2.0, 1.0 - core / reach
     at, x, lane = np.zeros(3, np.int64), np.zeros(3), lane_numbers(I)
     for slot in range(order.size):
         i = order[slot]
@@ -57,7 +60,8 @@ def pushes(n, reach, shape, start, order, placed, found):
                     q = x[1] - load(F, placed[1], j)
                     r = x[2] - load(F, placed[2], j)
                     near = maximum(1.0 - sqrt(p * p + q * q + r * r) / reach, 0.0)
-                    weight = select(lane + j < end, near * near * near, 0.0)
+                    weight = near * near * near + load(F, placed[3], j) * maximum(near - within, 0.0)
+                    weight = select(lane + j < end, weight, 0.0)
                     a, b, c = a + weight * p, b + weight * q, c + weight * r
         x[0], x[1], x[2] = total(a), total(b), total(c)
         for k in range(d):

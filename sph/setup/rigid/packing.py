@@ -25,6 +25,7 @@ ROUNDS = 40
 PUSH, KEPT = 0.3, 0.9  # of h^2 sum V grad W that particles go in a round; of their last way that they go on
 LONGEST = 0.1  # spacings in a round
 LEAST = 0.1  # spacings off a wall, whose particles leave gaps
+CLEAR = 0.9  # spacings off particles of a solid: nearer it pushes more, as in the run
 TOUCHING = 0.6  # spacings off a wall: nearer, its normal tells whether it is oblique
 LEVEL = 1e-6  # 1 - |cosine| between a normal and an axis, for rounding
 PARTS = 2  # along each axis, of a cell that a wall cuts
@@ -33,13 +34,13 @@ STEP = 1e-3  # of a spacing: over which normals are differences
 
 
 def oblique(scene: Any, fluid: Any) -> list[Any]:
-    """The walls beside which a fluid is packed: those with layers of particles, at rest or moved as the case says, that
-    are no boxes and cut its lattice where it lies at rest under gravity.
+    """The walls and bodies beside which a fluid is packed: those with layers of particles, at rest or not, that are no
+    boxes and cut its lattice where it lies at rest under gravity.
     """
     section = fluid.section
     if fluid.given is not None or section.initial_pressure != "hydrostatic" or not scene.gravity.any():
         return []
-    walls = [wall for wall in scene.walls if fit.fits(wall) and not wall.rigid and not _straight(wall.shape)]
+    walls = [wall for wall in scene.walls if fit.fits(wall) and not _straight(wall.shape)]
     return [wall for wall in walls if fluid.n and _cuts(wall, fluid)]
 
 
@@ -134,7 +135,7 @@ def packed(scene: Any, fluid: Any) -> tuple[NDArray[np.int64], Reals]:
     low, high = np.where(scene.periodic, scene.low, low), np.where(scene.periodic, scene.high, high)
     solid = [wall.near(low, high)[1] for wall in scene.walls if wall.rule.layered]
     x = np.concatenate([own[free], own[~free], beyond, *solid])
-    return ids[free], spread(scene, fluid, x, int(np.count_nonzero(free)))
+    return ids[free], spread(scene, fluid, x, int(np.count_nonzero(free)), sum(map(len, solid)))
 
 
 def _all_round(scene: Any, fluid: Any) -> NDArray[np.bool_]:
@@ -162,8 +163,8 @@ def _in_walls(scene: Any, fluid: Any, x: Reals) -> NDArray[np.bool_]:
     return found
 
 
-def spread(scene: Any, fluid: Any, x: Reals, n: int) -> Reals:
-    """Where the first n of the points x[., d] come to as they go down the slope of sum W."""
+def spread(scene: Any, fluid: Any, x: Reals, n: int, solids: int) -> Reals:
+    """Where the first n of the points x[., d] come to as they go down the slope of sum W. The last are of solids."""
     step, d, reach, period = fluid.step, scene.dimensions, scene.support, scene.high - scene.low
     sides = [(shape, side, LEAST * step) for shape, side in sides_of(fluid)]
     if fluid.section.shape.box:
@@ -173,7 +174,7 @@ def spread(scene: Any, fluid: Any, x: Reals, n: int) -> Reals:
     way = np.zeros((n, d))
     for _ in range(ROUNDS):
         before = x[:n].copy()
-        way = KEPT * way + gain * slopes(scene, x, n)
+        way = KEPT * way + gain * slopes(scene, x, n, solids)
         way *= np.minimum(1.0, LONGEST * step / np.maximum(_lengths(way), 1e-300))[:, None]
         x[:n] += way
         left -= _lengths(way)
@@ -188,21 +189,25 @@ def spread(scene: Any, fluid: Any, x: Reals, n: int) -> Reals:
     return x[:n].copy()  # without the points around them
 
 
-def slopes(scene: Any, x: Reals, n: int) -> Reals:
-    """sum (1 - r / reach)^3 r_ij [n, d] over the points x[., d] for the first n, m: that of Wendland's C2 kernel."""
+def slopes(scene: Any, x: Reals, n: int, solids: int) -> Reals:
+    """sum (1 - r / reach)^3 r_ij [n, d] over the points x[., d] for the first n, m: that of Wendland's C2 kernel; the
+    last points, of solids, keep a core clear.
+    """
     from sph.kernels.packing import N, into_cells, pushes  # cases without oblique walls load no compiler
 
     reach, d = scene.support, scene.dimensions
+    solid = np.arange(len(x)) >= len(x) - solids
     for k in np.flatnonzero(scene.periodic).tolist():
         period = (scene.high[k] - scene.low[k]) * np.eye(d)[k]
         below, above = x[:, k] < scene.low[k] + reach, x[:, k] >= scene.high[k] - reach
         x = np.concatenate([x, x[below] + period, x[above] - period])
+        solid = np.concatenate([solid, solid[below], solid[above]])
     low, edge, shape = x.min(axis=0), reach / 2, np.ones(3, np.int64)
     shape[3 - d :] = ((x.max(axis=0) - low) / edge).astype(np.int64) + 1
     start, order = np.empty(np.prod(shape) + 1, np.int32), np.empty(len(x), np.int32)
-    placed, found = np.zeros((3, len(x) + N)), np.empty((n, d))
-    into_cells(x, low, edge, shape, start, order, placed)
-    pushes(n, reach, shape, start, order, placed, found)
+    placed, found = np.zeros((4, len(x) + N)), np.empty((n, d))
+    into_cells(x, solid, low, edge, shape, start, order, placed)
+    pushes(n, reach, CLEAR * scene.spacing, shape, start, order, placed, found)
     return found
 
 

@@ -129,10 +129,24 @@ def test_walls_along_the_lattice_leave_it_as_it_is(shape):
     assert (placed(scene)["x"] == scene.from_lattice(fluid, np.arange(scene.n_fluid))).all()
 
 
-def test_neither_bodies_nor_fluid_without_weight_are_packed():
-    body = config(DISC, wall='solid = true; body = { density = 500.0; };')
-    light = config(tilted(30.0), fluid='initial_pressure = "zero";')
-    assert not Scene(body).fluids[0].oblique and not Scene(light).fluids[0].oblique
+def test_fluid_without_weight_is_not_packed():
+    assert not Scene(config(tilted(30.0), fluid='initial_pressure = "zero";')).fluids[0].oblique
+
+
+@pytest.mark.parametrize("kind", ["body = { density = 500.0; };", ""], ids=["body", "fixed"])
+@pytest.mark.parametrize("centre", [(0.003, -0.3), (0.01, -0.31), (0.0, 0.01, -0.295), (0.0125, 0.0, -0.29)])
+def test_a_round_solid_has_its_lift_wherever_it_lies_on_the_lattice(centre, kind):
+    """At the start 0.93 to 0.95 of it, with 5 spacings in radius (later 0.98 and more); not packed it had 0.4 to 0.8, and
+    up to 0.2 to a side.
+    """
+    d = len(centre)
+    ball = f"sphere = {{ centre = {list(centre)}; radius = 0.1; }};"
+    low, high = [-0.2] * (d - 1) + [-0.5], [0.2] * (d - 1) + [-0.1]
+    case = config(ball, low=low, high=high, wall=f"solid = true; {kind}", fluid="surface = 0.0;")
+    force = Sph(case, World.alone(), Pool(1), Timers()).wall_forces()["tank0"][0]
+    lift = 9810.0 * np.pi * (0.1**2 if d == 2 else 4 / 3 * 0.1**3)
+    assert force[-1] == pytest.approx(0.94 * lift, rel=0.03)
+    assert np.abs(force[:-1]).max() < 0.03 * lift
 
 
 def test_fluid_that_does_not_touch_an_oblique_wall_stays_as_it_is():
