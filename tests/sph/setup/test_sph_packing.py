@@ -136,8 +136,8 @@ def test_fluid_without_weight_is_not_packed():
 @pytest.mark.parametrize("kind", ["body = { density = 500.0; };", ""], ids=["body", "fixed"])
 @pytest.mark.parametrize("centre", [(0.003, -0.3), (0.01, -0.31), (0.0, 0.01, -0.295), (0.0125, 0.0, -0.29)])
 def test_a_round_solid_has_its_lift_wherever_it_lies_on_the_lattice(centre, kind):
-    """At the start 0.93 to 0.95 of it, with 5 spacings in radius (later 0.98 and more). Not packed it had 0.4 to 0.8, and
-    up to 0.2 to a side.
+    """At the start 0.93 to 0.95 of it, with 5 spacings in radius (later 0.98 and more). Not packed it had 0.4 to 0.8,
+    and up to 0.2 to a side.
     """
     d = len(centre)
     ball = f"sphere = {{ centre = {list(centre)}; radius = 0.1; }};"
