@@ -29,7 +29,7 @@ CONTACT = 16  # spacings that a front goes into a wall until its pressure is rig
 STIFF = 50  # c0 / vmax, below which a stress of the strain rate lets a wave of two spacings grow
 WAVES = (1.3, 1.4, 1.5, 1.6, 2.0), (-4.3, -4.0, -0.6, 0.0, -0.2)  # h / dp, error in %
 LONG_WAVES = (1.3, 1.5, 1.6, 1.7, 2.0), (6.5, 4.8, 3.5, 1.3, 0.1)  # the same of the speed of a solitary wave
-CORRECTED_WAVE = 0.2  # the same with corrected gradients, h / dp 1.5
+CORRECTED_WAVE = 1.5, 0.2  # h / dp from which it is so with corrected gradients: not measured below
 SHIFTED = 1.4  # h / dp, below which shifted particles are packed under gravity
 RATIO, MOST_RATIO = 100, 1000  # of densities or viscosities of liquids, which are noticed and refused
 STRETCH = 0.1  # of the spacing along an edge, which is noticed
@@ -165,9 +165,10 @@ def resolution(config: SphConfig) -> Iterator[Derived]:
         error, source = round(float(np.interp(ratio, *WAVES)), 1), "a standing wave in a tank, at any spacing, measured"
         yield Derived("error of the period of waves", "", error, "%", source=source)
         corrected = config.numerics.gradient_correction
-        error = CORRECTED_WAVE if corrected else round(float(np.interp(ratio, *LONG_WAVES)), 1)
+        error = CORRECTED_WAVE[1] if corrected else round(float(np.interp(ratio, *LONG_WAVES)), 1)
         source = "one of 0.3 of the depth after 13 depths, 20 layers, measured; h/dp 2 or gradient_correction cures it"
-        yield Derived("error of the speed of a solitary wave", "", error, "%", source=source)
+        if not corrected or ratio >= CORRECTED_WAVE[0]:
+            yield Derived("error of the speed of a solitary wave", "", error, "%", source=source)
     if config.numerics.shifting and any(config.gravity):
         verdict, cure = ("ok", "") if ratio >= SHIFTED else ("warn", "smoothing = 1.6, or shifting = false")
         source = "still tank, 20 layers, 1.3: its level fell by 28 % in 40 sqrt(H/g); 1.4 to 2: rose by 0.2 to 2 %"

@@ -7,7 +7,7 @@ from hpcpic.core.simd.vector import Vec, lane_numbers, lanes, load, maximum, sel
 
 N = lanes(np.float64)
 F, I = Vec(N, np.float64), Vec(N, np.int64)
-STIFF = 10.0
+STIFF = 10.0  # at 0.8 spacings it doubles the push; without it some points came to 0.82, with it to 0.895
 
 
 @njit

@@ -259,6 +259,7 @@ def test_the_error_of_the_period_of_waves_is_told_by_the_smoothing_length():
     errors = [told(numerics=f"{{ spacing = 0.05; {more} }}")[speed].value
               for more in ("", "smoothing = 2.0;", "gradient_correction = true;")]  # fmt: skip
     assert errors == [4.8, 0.1, 0.2]
+    assert speed not in told(numerics="{ spacing = 0.05; smoothing = 1.3; gradient_correction = true; }")
     assert title not in told(gravity="[0.0, 0.0]", eos="{ max_velocity = 1.0; }")
 
 
