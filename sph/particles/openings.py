@@ -102,15 +102,20 @@ class Openings:
             m, external = self.storage.m[slots], arena["external"][:, None]
             arena["sums"][: self.storage.d, slots] = -external * m / arena["factors"][0]
         if rate >= 0:
-            arena["sums"][rate, slots] = 0.0
+            arena["sums"][rate, self.pressed] = 0.0
 
     @property
     def held(self) -> Slots:
         """Slots of the own fluid in the boxes."""
-        return self.storage.until_sorted("held", self._find_held)
+        return self.storage.until_sorted("held", lambda: self._slots(*(place.free for place in self.places)))
 
-    def _find_held(self) -> Slots:
-        return np.unique(np.concatenate([self._between(place, place.end, place.free) for place in self.places]))
+    @property
+    def pressed(self) -> Slots:
+        """Those of them whose density is prescribed."""
+        return self.storage.until_sorted("pressed", lambda: self._slots(*(place.pressed for place in self.places)))
+
+    def _slots(self, *until: float) -> Slots:
+        return np.unique(np.concatenate([self._between(p, p.end, last) for p, last in zip(self.places, until)]))
 
     def still(self) -> None:
         """Nothing is shifted in the boxes."""
@@ -164,7 +169,9 @@ class Openings:
         x = (x - scene.low)[:, axes]
         mine = self.slabs.owner[self.slabs.grid.layer(x[:, 0])] == self.slabs.world.rank
         zeros, mass = np.zeros((scene.dimensions, len(rows))), np.full(len(rows), inlet.mass)
-        values = (x.T[:, mine], zeros[:, mine], zeros[0, mine], mass[mine], ids[mine])
+        rest = self.mean[k, HEAD] + inlet.from_middle(inlet.rows[rows])
+        drho = scene.eos.excess_at_head(np.maximum(rest, 0.0) if inlet.has_surface else rest)
+        values = (x.T[:, mine], zeros[:, mine], drho[mine], mass[mine], ids[mine])
         self.storage.append(*values, FLUID | REAL | FLOWS)
 
     def _look(self, first: bool = False) -> None:
@@ -240,5 +247,6 @@ class Openings:
                 storage.v[:, slots] = rate * place.up[list(scene.axes), None] * place.height(x)
                 forward -= rate * (place.sign * (x[:, place.axis] - place.free) + 0.5 * scene.support)
             storage.v[along, slots] = place.sign * forward
-            rest = head + place.from_middle(x)
-            storage.drho[slots] = scene.eos.excess_at_head(np.maximum(rest, 0.0) if place.has_surface else rest)
+            pressed = self._between(place, place.end, place.pressed)
+            rest = head + place.from_middle(storage.physical("x", pressed))
+            storage.drho[pressed] = scene.eos.excess_at_head(np.maximum(rest, 0.0) if place.has_surface else rest)

@@ -50,6 +50,8 @@ class Place:
         ends = (self.low, self.high)[:: int(self.sign)]
         self.end, self.free = (float(end[self.axis]) for end in ends[:: 1 if into else -1])
         self.inward = self.sign if into else -self.sign
+        length = abs(self.free - self.end)
+        self.pressed = self.end + self.inward * max(length - scene.support, 0.0) if into else self.free
         self.across = [k for k in range(scene.dimensions) if k != self.axis]
         self.fall = np.where(np.arange(scene.dimensions) == self.axis, 0.0, scene.gravity)
         self.middle = (self.low + self.high) / 2
