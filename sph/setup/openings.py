@@ -18,7 +18,7 @@ from sph.setup.particle_lattices import Grid, even
 
 SIGMA = 0.25  # of the speed of sound over the length of the domain: how fast an outlet returns to its pressure
 FOLLOWS = 0.25  # times sqrt(depth / g) in which fluid in an outlet follows the surface of a wave: not that of sound
-RELAXED = 2.0  # times sqrt(height / g) in which the surface in an inlet follows that before it
+RELAXED = 0.5  # times sqrt(height / g) in which the surface in an inlet follows that before it
 
 
 class Liquid(Protocol):
@@ -50,8 +50,8 @@ class Place:
         ends = (self.low, self.high)[:: int(self.sign)]
         self.end, self.free = (float(end[self.axis]) for end in ends[:: 1 if into else -1])
         self.inward = self.sign if into else -self.sign
-        length = abs(self.free - self.end)
-        self.pressed = self.end + self.inward * max(length - scene.support, 0.0) if into else self.free
+        reach = min(scene.support, abs(self.free - self.end))
+        self.pressed = self.end + self.inward * reach if into else self.free
         self.across = [k for k in range(scene.dimensions) if k != self.axis]
         self.fall = np.where(np.arange(scene.dimensions) == self.axis, 0.0, scene.gravity)
         self.middle = (self.low + self.high) / 2
