@@ -23,7 +23,6 @@ def kernel_texts(app: App, config: Any) -> dict[str, str]:
     from hpcpic.core import memory
     from hpcpic.core.comm.world import World
     from hpcpic.core.simd.compile import generated
-    from hpcpic.core.simd.generate import overridden
     from hpcpic.core.tasks.graph import Pool
     from hpcpic.core.timers import Timers
 
@@ -34,13 +33,13 @@ def kernel_texts(app: App, config: Any) -> dict[str, str]:
         make(config, World.alone(), pool, Timers()).close()
     finally:
         pool.close()
-    texts = {}
+    texts: dict[str, str] = {}
     for key in generated:
         module, title = sys.modules[key], key.rpartition("_")[0]  # without the hash of its text
-        texts[title] = "".join(linecache.getlines(f"<{key}>"))
+        texts[title] = texts.get(title, "") + "".join(linecache.getlines(f"<{key}>"))
         functions = ((name, getattr(value, "py_func", value)) for name, value in vars(module).items())
         own = ((name, value) for name, value in functions if inspect.isfunction(value) and value.__module__ == key)
-        texts |= {f"{title}.{name}": inspect.getsource(value) for name, value in own if (key, name) not in overridden}
+        texts |= {f"{title}.{name}": inspect.getsource(value) for name, value in own}
     return texts
 
 

@@ -6,20 +6,21 @@ by those of the scene, so that compiled code has no branch and no array for what
 differ in a constant share what does not depend on it.
 """
 
+import ast
 import hashlib
 import importlib
 import linecache
 import re
+import symtable
 import sys
 import threading
 from collections.abc import Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from types import ModuleType
+from typing import Any, NamedTuple
 
 from hpcpic.core.simd.compile import EVERY, generated, program_of
 
-overridden: set[tuple[str, str]] = set()  # (module, name) in whose place a later file of a scene has another
 _importing = threading.RLock()  # a thread finds no module that another one has half executed
 
 
@@ -56,36 +57,97 @@ def specialise(
 ) -> ModuleType:
     """What the files `stems` of a package define, with head constants set; a later file's in place of an earlier one's.
 
-    A constant's line `NAME = ...` gets str(value). more: text at the end of a file. Each file becomes a module of its
-    own that imports what it names of those before it, or of one in whose place some of them stand, `replaced`. So it is
-    compiled anew only where a constant differs in it or in what it imports. KeyError for an unknown constant.
+    A constant's line `NAME = ...` gets str(value). more: text at the end of a file. What a file imports of those before
+    it, or of one in whose place some of them stand, `replaced`, is theirs. Each definition becomes a module of its own
+    when it is asked for: it is compiled anew only where a constant differs that it reads, or what it calls. KeyError
+    for an unknown constant.
     """
     (folder,) = importlib.import_module(package).__path__
-    inner = "|".join((*stems, *replaced))
-    imports = re.compile(rf"^from {re.escape(package)}\.(?:{inner}) import ([^\n(]+|\([^)]*\))\n", re.M)
-    whole, origin, unknown = ModuleType(package), dict[str, str](), set(constants)
+    origin, unknown = dict[str, _File](), set(constants)
     for stem in stems:
         text = (Path(folder) / f"{stem}.py").read_text(encoding="utf-8") + (more or {}).get(stem, "")
         for name, value in constants.items():
             text, found = re.subn(rf"^{name} = .*$", f"{name} = {value}", text, flags=re.M)
             unknown -= {name} if found else set()
-        text = imports.sub(partial(_imports, origin), text)
-        module, nothing = module_from_source(text, stem), object()
-        public = {name: value for name, value in vars(module).items() if not name.startswith("__")}
-        own = [name for name, value in public.items() if vars(whole).get(name, nothing) is not value]
-        overridden.update((origin[name], name) for name in own if name in origin)
-        origin.update(dict.fromkeys(own, module.__name__))
-        vars(whole).update(public)
+        file = _File(stem, text, {f"{package}.{one}" for one in (*stems, *replaced)}, origin)
+        origin |= dict.fromkeys(file.defined, file)
     if unknown:
         raise KeyError(f"kernels {', '.join(stems)} have no constant {', '.join(sorted(unknown))}")
-    return whole
+    return _Kernels(package, origin)
 
 
-def _imports(origin: Mapping[str, str], found: re.Match) -> str:
-    """Lines that import the names of an import from the modules that define them."""
-    names = re.findall(r"\w+", found[1])
-    lists = {origin[name]: ", ".join(one for one in names if origin[one] == origin[name]) for name in names}
-    return "".join(f"from {module} import {listed}\n" for module, listed in lists.items())
+class _Kernels(ModuleType):
+    """Definitions of files of kernels, each executed when it is asked for."""
+
+    def __init__(self, package: str, origin: Mapping[str, "_File"]) -> None:
+        super().__init__(package)
+        self._origin = origin
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in self._origin:
+            raise AttributeError(f"the kernels of {self.__name__} have no {name}")
+        return getattr(self._origin[name].module(name), name)
+
+
+class _Statement(NamedTuple):
+    text: str
+    reads: set[str]
+    apart: bool  # a function or a class: one and the same wherever it is used
+
+
+class _File:
+    """A file of kernels; a definition of it becomes a module, with the imports and constants of the file that it reads.
+
+    inner: files whose names are those of `origin`, of the files before this one.
+    """
+
+    def __init__(self, stem: str, text: str, inner: set[str], origin: Mapping[str, "_File"]) -> None:
+        self.defined: set[str] = set()
+        self._stem, lines = stem, text.splitlines()
+        self._elsewhere: dict[str, _File] = {}
+        self._statements: list[_Statement] = []
+        self._needed: dict[str, set[int]] = {}  # statements, by whoever reads a name
+        self._modules: dict[str, ModuleType] = {}
+        for node in ast.parse(text).body:
+            if isinstance(node, ast.ImportFrom) and node.module in inner:
+                self._elsewhere |= {one.name: origin[one.name] for one in node.names}
+            else:
+                first = min(part.lineno for part in (node, *getattr(node, "decorator_list", ())))
+                self._add(node, "\n".join(lines[first - 1 : node.end_lineno]))
+
+    def _add(self, node: ast.stmt, text: str) -> None:
+        tables = [symtable.symtable(text, self._stem, "exec")]
+        for table in tables:
+            tables += table.get_children()
+        sets = {one.get_name() for one in tables[0].get_symbols() if one.is_assigned() or one.is_imported()}
+        reads = {one.get_name() for table in tables for one in table.get_symbols() if one.is_global()}
+        number = len(self._statements)
+        self._statements.append(_Statement(text, reads, isinstance(node, ast.FunctionDef | ast.ClassDef)))
+        self._needed |= {name: {number} for name in sets}
+        if not isinstance(node, ast.Import | ast.ImportFrom):
+            self.defined |= sets
+        if not sets:  # something is done with a name
+            for name in reads:
+                self._needed.setdefault(name, set()).add(number)
+
+    def module(self, name: str) -> ModuleType:
+        """The module that defines a name. Functions that call each other have none."""
+        if name not in self._modules:
+            imports, own, left = set[str](), set[int](), [name]
+            while left:
+                one = left.pop()
+                for number in self._needed.get(one, set()) - own:
+                    statement = self._statements[number]
+                    if statement.apart and one != name:
+                        imports.add(f"from {self.module(one).__name__} import {one}")
+                    else:
+                        own.add(number)
+                        left += statement.reads
+                if one in self._elsewhere:
+                    imports.add(f"from {self._elsewhere[one].module(one).__name__} import {one}")
+            texts = [*sorted(imports), *(self._statements[number].text for number in sorted(own))]
+            self._modules[name] = module_from_source("\n".join(texts) + "\n", self._stem)
+        return self._modules[name]
 
 
 def _program_used(source: str) -> str:
