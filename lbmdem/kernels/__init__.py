@@ -6,4 +6,4 @@ from lbmdem.physics import lubrication, wall_rules
 
 formulas(contact_law, lubrication, wall_rules)
 if wall_rules.own.__module__ != wall_rules.__name__:
-    depends_on("lbmdem", wall_rules.own)
+    depends_on(wall_rules.__name__, wall_rules.own)

@@ -39,7 +39,7 @@ _BARE = "no_cpython_wrapper"  # the option of numba
 PATIENCE_SECONDS = 60.0  # with another process that compiles what is needed here
 NAP_SECONDS = 0.01
 EVERY = "*"  # in place of a program: all there are
-_own: dict[str, bytes] = {}  # program -> hash of a file of the user that its kernels call
+_own: dict[str, bytes] = {}  # module -> hash of a file of the user, of which it may call a function
 generated: dict[str, str] = {}  # names of generated modules -> the program they belong to
 
 
@@ -96,7 +96,6 @@ def _fingerprint(program: str) -> str:
     settings = {key: value for key, value in os.environ.items() if key.startswith("NUMBA_")}
     settings.pop("NUMBA_CACHE_DIR", None)
     digest.update(repr(sorted(settings.items())).encode())
-    digest.update(_own.get(program, b""))
     return digest.hexdigest()
 
 
@@ -254,10 +253,21 @@ def formulas(*modules: Any) -> None:
                 formula(function)
 
 
-def depends_on(program: str, function: Callable) -> None:
-    """Let kernels of a program call a function of the user's own: they are kept apart from those that do not."""
+def depends_on(module: str, function: Callable) -> None:
+    """Let kernels call a function of the user's own by way of a module's: who may do so is kept apart from others."""
     formula(function)
-    _own[program] = _text_of(function.__code__.co_filename)
+    _own[module] = _text_of(function.__code__.co_filename) or os.urandom(32)  # typed in: another one each time
+
+
+def _own_text(function: Callable) -> bytes:
+    """Hash of a file of the user, of which a kernel may call a function: by way of what its module has imported."""
+    module = function.__module__
+    if _own and module not in _own:
+        values = function.__globals__.values()
+        imported = {getattr(value, "__module__", None) or getattr(value, "__name__", None) for value in values}
+        if found := _own.keys() & imported:
+            _own[module] = b"".join(_own[name] for name in sorted(found))
+    return _own.get(module, b"")
 
 
 @functools.cache
@@ -278,6 +288,7 @@ def _cached(function: Callable, flags: dict[str, Any]) -> Callable:
     kernel.add_overload = functools.partial(_add_overload, kernel)
     text = _text_of(function.__code__.co_filename)
     if keep and text:
+        text += _own_text(function)
         kernel._cache = KernelCache(function, _store_of(function), text, kernel.targetoptions)
         kernel.compile = functools.partial(_compile, kernel)
     return kernel

@@ -114,6 +114,39 @@ def test_a_function_without_a_source_is_not_kept(cache, monkeypatch):
         assert names["f"](2.0) == 2.0 * number
 
 
+RULES = "def own(x):\n    return x\n\n\ndef returned(x):\n    return own(x)\n"
+CALLING = "from hpcpic.core.simd.compile import njit\nfrom {} import {}\n@njit\ndef {}(x):\n    return {}\n"
+
+
+def test_what_may_call_a_function_of_the_users_own_is_kept_apart_and_nothing_else(cache, monkeypatch):
+    """By way of others too; one that was typed in, whose text nobody knows, is taken for no other."""
+
+    def misses(factor, mine=None):
+        monkeypatch.setattr(compile, "kernel_store", functools.cache(compile.kernel_store.__wrapped__))
+        monkeypatch.setattr(compile, "_own", {})
+        made = [module_from_source(RULES, "rules"), module_from_source(HALF, "half")]
+        rules, half = made[0], made[1].half
+        if mine is None:
+            made.append(module_from_source(f"def own(x):\n    return {factor} * x\n", "mine"))
+            mine = made[-1].own
+        rules.own = mine
+        compile.formula(rules.returned)
+        compile.depends_on(rules.__name__, mine)
+        for name, call in (("bounce", "returned(x)"), ("twice", "bounce(bounce(x))")):
+            of = rules if name == "bounce" else made[-1]
+            made.append(module_from_source(CALLING.format(of.__name__, call.partition("(")[0], name, call), name))
+        assert (made[-1].twice(3.0), half(3.0)) == (3.0 * factor**2, 1.5)
+        for module in made:
+            del sys.modules[module.__name__]
+        return [sum(one.stats.cache_misses.values()) for one in (made[-2].bounce, made[-1].twice, half)]
+
+    assert misses(2.0) == [1, 1, 1] and misses(2.0) == [0, 0, 0] and misses(4.0) == [1, 1, 0]
+    for factor in (5.0, 6.0):
+        typed = {}
+        exec(f"def own(x):\n    return {factor} * x\n", typed)
+        assert misses(factor, typed["own"]) == [1, 1, 0]
+
+
 @pytest.mark.parametrize("what", ["get_host_cpu_name", "get_host_cpu_features"])
 def test_code_of_one_processor_is_not_run_on_another(cache, monkeypatch, what):
     """With instructions that it lacks a program would end without a word."""
