@@ -80,8 +80,10 @@ def test_mean_and_variance_are_those_of_the_series(world, scene):
 
 
 def test_bins_are_those_of_numpy(world):
-    """Without charge the v^(n-1/2) of the particles, turned by half a step, is their drift's direction: no B here."""
-    sets = ("field.magnetic=[0.0, 0.0, 0.0]", "species[0].charge=1e-30", "species[0].plasma_frequency=0.0",
+    """Without charge the v^(n-1/2) of the particles, turned by half a step, is their drift's direction: a B that turns
+    nothing here, as other scenes' kernels do.
+    """
+    sets = ("field.magnetic=[1e-30, 0.0, 0.0]", "species[0].charge=1e-30", "species[0].plasma_frequency=0.0",
             "species[1].charge=1e-30", "species[1].plasma_frequency=0.0", "histogram[2].low=[10.0, -1.0]",
             "histogram[2].high=[40.0, 2.5]")  # fmt: skip
     plasma = advanced(PLANE, world, sets, steps=2)
