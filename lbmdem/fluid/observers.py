@@ -69,7 +69,9 @@ class Observers:
         return sums.reshape(fastest.size, sums.shape[2]), fastest.reshape(fastest.size)
 
     def set_equilibrium(self, rho: Any, u: Any, parity: int) -> None:
-        """Equilibrium of densities [rows, ...] and velocities [rows, ..., d] (or numbers)."""
+        """Equilibrium of densities [rows, ...] and velocities [rows, ..., d] (or numbers), as `moments` then read them:
+        under a force the populations have half a step of it less momentum.
+        """
         lattice = self._layout.lattice
         rho = np.broadcast_to(np.asarray(rho, float), self._shape)
         u = np.zeros(lattice.dimensions) if u is None else np.asarray(u, float)
@@ -77,7 +79,8 @@ class Observers:
         h = np.empty((1, *self._nodes[1:], lattice.q), self._arena["f"].dtype)
         self._arena.set(parity=parity, h=h)
         for row in range(self._shape[0]):  # one at a time: on the way are several arrays of its size
-            h[...] = np.moveaxis(equilibrium(lattice, rho[row], u[row]), 0, -1).reshape(h.shape)
+            before = u[row] - self._arena["shift"] / rho[row][..., None]
+            h[...] = np.moveaxis(equilibrium(lattice, rho[row], before), 0, -1).reshape(h.shape)
             self._arena.set(row=row, after=row + 1)
             self._pool.each(self._write_row)
         self._arena.set(**self._none)

@@ -96,6 +96,20 @@ def test_a_force_accelerates_a_uniform_fluid_exactly():
     np.testing.assert_allclose(fluid.moments()[1], np.broadcast_to(-0.5 * force, u.shape), atol=1e-16)
 
 
+@pytest.mark.parametrize("lattice", [D2Q9, D3Q19])
+@pytest.mark.parametrize("collision", ["BGK", "TRT", "central"])
+def test_a_fluid_starts_with_the_velocity_that_it_is_given_under_a_force_too(lattice, collision):
+    """And has F t more from then on: it is no half step ahead of its force."""
+    force = np.array([1e-4, -2e-4, 3e-4])[: lattice.dimensions]
+    start = np.array([2e-3, 1e-3, -1e-3])[: lattice.dimensions]
+    fluid = make(lattice, (4, 4, 8)[3 - lattice.dimensions :], tau=0.8, collision=collision, force=force)
+    fluid.set_equilibrium(1.0, start)
+    for steps in (0, 1, 9):
+        fluid.advance(steps)
+        u = fluid.moments()[1]
+        np.testing.assert_allclose(u, np.broadcast_to(start + fluid.iteration * force, u.shape), atol=1e-15)
+
+
 @pytest.mark.parametrize("collision", ["TRT", "central"])
 def test_a_moving_frame_changes_the_viscosity_by_the_square_of_mach_only(collision):
     """Shear wave carried along its gradient: the equilibrium lacks u^3, hence -3 u^2 of nu (central moments: less)."""
