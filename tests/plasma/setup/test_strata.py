@@ -118,6 +118,13 @@ def test_a_wave_does_not_recur_before_its_time_and_check_tells_it():
     assert line.verdict == "warn" and "times the particles" in line.cure
 
 
+@pytest.mark.parametrize(("k", "cycles", "told"), [(0.25, 400, True), (0.05, 400, False), (0.05, 0, False)])
+def test_check_tells_the_recurrence_of_beams_that_damp_the_wave_alone(k, cycles, told):
+    """At k lambda_D = 0.05 the wave is 20 thermal velocities fast: no number of particles has a beam there."""
+    numbers = derived(config_of(k, species(n=4096), cycles=cycles))
+    assert any(number.symbol == "2 pi/(k dv)" for number in numbers) is told
+
+
 def errors(t, wave, root, periods):
     """Relative errors of frequency and damping beside the root of theory, in a window of so many periods."""
     first, last = (2 * math.pi / root.real * n for n in periods)
