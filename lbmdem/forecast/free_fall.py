@@ -4,8 +4,10 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hpcpic.core.case.derived import Derived, judged
+from hpcpic.core.space.products import product
 from lbmdem.case.config import AXES, GrainSet, LbmDemConfig
 from lbmdem.forecast.node_shares import grains, volume
 from lbmdem.forecast.relaxation import SPACING, key_of_tau, slower
@@ -73,7 +75,9 @@ def speed_through(config: LbmDemConfig, a: float) -> float:
 
 def impact_speed(config: LbmDemConfig, i: int) -> float:
     """Speed (m/s) at which a grain of a set meets what is below: that of its start and of its fall, in a fluid at most
-    its terminal one. The highest of given positions falls to the wall, the lowest of a packing to what lies below."""
+    its terminal one. The highest of given positions falls to the wall or a plane, the lowest of a packing to what lies
+    below. Who falls longer than the run meets nothing in it.
+    """
     group, pull = config.grains[i], math.hypot(*config.gravity)
     below = [k for k, g in enumerate(config.gravity) if abs(g) > 0.5 * pull and AXES[k] not in config.domain.periodic]
     start = math.hypot(*(group.velocity or (0.0,)))
@@ -82,13 +86,29 @@ def impact_speed(config: LbmDemConfig, i: int) -> float:
     axis, last = below[0], config.dimensions - 1
     down = config.gravity[axis] < 0.0
     if group.packing is not None:
-        height = group.packing.low - landing(config, group) if down and axis == last else 0.0
+        heights = np.array([group.packing.low - landing(config, group) if down and axis == last else 0.0])
     else:
-        along = np.asarray(group.centres)[:, axis]
-        highest = along.max() if down else config.domain.size[axis] - along.min()
-        height = highest - 0.5 * group.smallest_diameter
-    fall = math.sqrt(2.0 * pull * max(0.0, height))
+        x, radius = np.asarray(group.centres), 0.5 * group.smallest_diameter
+        heights = (x[:, axis] if down else config.domain.size[axis] - x[:, axis]) - radius
+        heights = np.minimum(heights, above_planes(config, x, radius))
+    end = config.simulation.end_time
+    height = float(heights.max(initial=0.0, where=heights <= start * end + 0.5 * pull * end**2))
+    fall = math.sqrt(2.0 * pull * height)
     return math.hypot(start, min(fall, terminal_speed(config, i)) if config.fluid else fall)
+
+
+def above_planes(config: LbmDemConfig, x: NDArray, radius: float) -> NDArray[np.float64]:
+    """How far grains at x[n, d] can fall along gravity before they touch a plane of the case, m [n]."""
+    height, down = np.full(len(x), np.inf), np.array(config.gravity) / math.hypot(*config.gravity)
+    for plane in (obstacle.shape.plane for obstacle in config.obstacle):
+        if plane is None:
+            continue
+        normal = np.array(plane.normal) / math.hypot(*plane.normal)
+        distance, towards = product(x - np.array(plane.point), normal), -float(down @ normal)
+        if towards > 0.0:
+            own = np.maximum(0.0, distance - radius) / towards
+            height = np.where(distance > 0.0, np.minimum(height, own), height)
+    return height
 
 
 def landing(config: LbmDemConfig, group: GrainSet) -> float:

@@ -170,6 +170,21 @@ def test_nothing_falls_far_along_a_periodic_side():
     assert number(DRY, "overlap at impact", "contact.normal_stiffness=0.05") is None
 
 
+def test_a_grain_falls_to_the_plane_below_it_and_not_beyond_the_end():
+    """The impact is that of the speed with which it gets there; a run that ends before has none."""
+    text, name = DRY.replace('["y"]', '["x"]'), "overlap at impact"
+    soft = "contact.normal_stiffness=0.05"
+    plane = "obstacle=({ shape = { plane = { point = [0.0, LOW]; normal = [0.0, 1.0]; }; }; })"
+    mass, radius = 1200.0 * math.pi / 4.0 * 5.0e-3**2, 2.5e-3
+    for low, height in ((3.0e-3, 2.5e-3), (-1.0, 5.5e-3), (9.0e-3, 5.5e-3)):  # the floor; the grain is beyond it
+        told = number(text, name, soft, plane.replace("LOW", str(low)))
+        deepest = deepest_overlap(math.sqrt(2.0 * height), mass, contact_law(config_of(text, soft)))
+        assert told.value == pytest.approx(deepest / (2.0 * radius), rel=1e-12)
+    arrives = math.sqrt(2.0 * 5.5e-3)
+    assert number(text, name, soft, f"simulation.end_time={0.99 * arrives}") is None
+    assert number(text, name, soft, f"simulation.end_time={1.01 * arrives}").verdict == "fail"
+
+
 ROW = """
 simulation = { end_time = 0.3; };
 domain = { size = [0.03, 0.06]; };
