@@ -35,7 +35,8 @@ def derived(config: LbmDemConfig, ranks: int = 1) -> list[Derived]:
     """Every derived number of a completed case that runs on so many ranks."""
     parts = (relaxation, lattice_units, speeds, driven, pressures, inflow, sloshing)
     fluid = [number for part in parts for number in part(config)] if config.fluid else []
-    solids = [*obstacles(config), *grains(config), *unheld(config), *contacts(config), *slices(config)]
+    fluid += obstacles(config) if config.fluid else []
+    solids = [*grains(config), *unheld(config), *contacts(config), *slices(config)]
     solids += [*sliding(config), *gauges(config)]
     return [*fluid, *solids, *sizes(config, ranks), *whole_rules(config, ranks)]
 

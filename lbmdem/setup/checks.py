@@ -121,8 +121,6 @@ def dry_faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:
         yield ("fluid",), "is missing, and there are no grains either"
     elif not any(grains.moving for grains in config.grains):
         yield ("grains",), "none moves, and there is no fluid"
-    if config.obstacle:
-        yield ("obstacle",), "needs a fluid"
     for i, face in enumerate(config.boundary):
         if face.type not in ("wall", "periodic"):
             yield ("boundary", i, "type"), f'"{face.type}" needs a fluid'

@@ -150,7 +150,6 @@ def test_keys_of_the_other_kind_of_case_are_told():
     wet = CHANNEL.replace("{ end", "{ time_step = 1e-4; end")
     assert "simulation.time_step: is of a case without fluid" in messages(wet)
     dry = CHANNEL.split("fluid")[0]
-    assert "obstacle: needs a fluid" in messages(dry + DISC + plane())
     assert "grains: none moves, and there is no fluid" in messages(dry + DISC.replace("({", "({ moving = false;"))
 
 

@@ -1,5 +1,7 @@
 """Obstacles: boxes that repeat with the box of the case, planes that grains rest on, forces on both."""
 
+import math
+
 import numpy as np
 import pytest
 from app_runner import running
@@ -76,6 +78,39 @@ def test_grains_meet_a_plane_as_they_meet_a_side_of_the_box(world):
             assert app.scalars()["contact_count"] in (0.0, 1.0)
     assert height[1] - 8.0e-4 == pytest.approx(height[0], abs=1e-7 * DX)
     assert overlap == pytest.approx([0.01, 0.01]) and height[0] > sunk
+
+
+SLOPE = """
+simulation = {{ end_time = 0.02; }};
+domain = {{ size = [0.03, 0.03]; }};
+{plane}
+grains = ({{ diameter = 2.0e-3; density = 2500.0; position = [{place[0]!r}, {place[1]!r}]; }});
+contact = {{ normal_stiffness = 1.0e5; damping = 0.5; tangential = "history"; friction = {friction}; }};
+gravity = [{gravity[0]!r}, {gravity[1]!r}];
+"""
+REST = 2500.0 * math.pi * 1.0e-6 * 9.81 * math.cos(math.pi / 6) / 1.0e5  # its overlap, m
+
+
+@pytest.mark.parametrize("friction", [0.5, 0.1])
+def test_a_dry_grain_goes_down_a_plane_as_down_a_floor_where_gravity_is_tilted(world, friction):
+    """Rolling, and sliding where friction is below tan(30)/3; contacts know of no axis."""
+    along, normal = np.array([math.cos(math.pi / 6), -0.5]), np.array([0.5, math.cos(math.pi / 6)])
+    low, found, height = np.array([0.005, 0.02]), [], 1.0e-3 - REST
+    plane = f"obstacle = ({{ shape = {{ plane = {{ point = {low.tolist()}; normal = {normal.tolist()}; }}; }}; }});"
+    tilted = 9.81 * np.array([0.5, -math.cos(math.pi / 6)])
+    for shape, place, gravity, way in (("", np.array([0.005, height]), tilted, np.array([1.0, 0.0])),
+                                       (plane, low + height * normal, np.array([0.0, -9.81]), along)):  # fmt: skip
+        text = SLOPE.format(plane=shape, place=place.tolist(), gravity=gravity.tolist(), friction=friction)
+        with running(world, "lbmdem", text) as app:
+            speeds, half = [], app.n_steps // 2  # at first friction is not yet that of a slip
+            while app.iteration < app.n_steps:
+                app.advance(min(half, app.n_steps - app.iteration))
+                speeds.append((app.time, float(app.dem.grains.v[0] @ way), float(app.dem.grains.omega[0, 0])))
+            found.append(np.array(speeds))
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-6)
+    time, speed, _ = (found[0][-1] - found[0][len(found[0]) // 2]).T
+    pull = 9.81 / 3.0 if friction > 0.2 else 9.81 * (0.5 - friction * math.cos(math.pi / 6))
+    assert speed / time == pytest.approx(pull, rel=1e-3)
 
 
 @pytest.mark.mpi(min_size=2)
