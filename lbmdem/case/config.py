@@ -14,7 +14,7 @@ from hpcpic.core.case.config import Tree
 from hpcpic.core.case.gauge import Gauge
 from hpcpic.core.case.schema import REQUIRED, Lengths, Section, Vector, as_tuple, setting
 from hpcpic.core.case.words import one_of, one_period, one_viscosity
-from hpcpic.core.files.start import Start, arrays, attach
+from hpcpic.core.files.start import Start, arrays, attach_arrays
 from hpcpic.core.physics.contact_law import ContactLaw
 from lbmdem.physics.contact_law import stable_step
 
@@ -363,8 +363,8 @@ class LbmDemConfig(Section):
         one_viscosity(tree, fluids, "kinematic_viscosity", FluidSection.model_fields["density"].default)
         one_period(tree, Period.model_fields)
         one_of(tree, [("fluid", word) for word in ("relaxation_time", "time_step")])
-        attach(tree, ("fluid", "start"))
-        attach(tree, ("grains", "start"))
+        attach_arrays(tree, ("fluid", "start"))
+        attach_arrays(tree, ("grains", "start"))
 
 
 def grain_mass(grains: GrainSet, diameter: float, d: int) -> float:

@@ -11,7 +11,7 @@ from hpcpic.core.case.accelerations import MEANING
 from hpcpic.core.case.config import Tree
 from hpcpic.core.case.schema import REQUIRED, Section, Vector, matching, setting
 from hpcpic.core.case.words import one_of, one_period, one_viscosity
-from hpcpic.core.files.start import Start, attach, attached_arrays
+from hpcpic.core.files.start import Start, attach, attach_arrays, attached_arrays
 from sph.case.bodies import Body, Names
 from sph.case.openings import Direction, Inlet, Opening, Outlet
 
@@ -399,7 +399,7 @@ class SphConfig(Section):
             for path in matching(tree.data, (group, "shape")):
                 one_of(tree, [(*path, kind) for kind in Shape.model_fields])
             attach(tree, (group, "shape", "stl"))
-        for path in attach(tree, ("fluid", "start")):
+        for path in attach_arrays(tree, ("fluid", "start")):
             fluid, x = tree.data["fluid"][path[1]], attached_arrays(tree, path).get("position")
             dp = tree.data.get("numerics", {}).get("spacing")
             if "shape" not in fluid and x is not None and x.ndim == 2 and len(x) and isinstance(dp, int | float):

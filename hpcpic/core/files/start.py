@@ -45,6 +45,21 @@ def attach(tree: Tree, groups: tuple[str, ...]) -> list[Path]:
     return paths
 
 
+def attach_arrays(tree: Tree, groups: tuple[str, ...]) -> list[Path]:
+    """`attach` where the files hold arrays. Raises ConfigError with the place of each that does not: all that follows
+    reads them.
+    """
+    paths, wrong = attach(tree, groups), []
+    for path in paths:
+        try:
+            attached_arrays(tree, path)
+        except ConfigError as error:
+            wrong.append(f"{tree.where((*path, 'file'))}: {dotted((*path, 'file'))}: {error.message}")
+    if wrong:
+        raise ConfigError(wrong)
+    return paths
+
+
 def _inside(tree: Tree, path: Path) -> dict:
     found: dict = tree.data
     for key in path:
@@ -53,8 +68,8 @@ def _inside(tree: Tree, path: Path) -> dict:
 
 
 def attached_arrays(tree: Tree, path: Path) -> Mapping[str, NDArray]:
-    """The arrays of the group at this path, nothing where they cannot be read: the checks say why."""
-    with suppress(ConfigError, ValidationError):
+    """The arrays of the group at this path, nothing where its keys are wrong, as is told later. Raises ConfigError."""
+    with suppress(ValidationError):
         return arrays(Start(**_inside(tree, path)))
     return {}
 
@@ -75,11 +90,7 @@ def start_faults(
 ) -> Iterator[Fault]:
     """What is wrong with the arrays. expected: name -> shape, None for a length that all arrays share: `rows` if given.
     """
-    try:
-        found = arrays(start)
-    except ConfigError as error:
-        yield ("file",), error.message
-        return
+    found = arrays(start)
     lengths = {len(values) for name, values in found.items() if values.ndim and None in expected.get(name, ())}
     for name, values in found.items():
         if name not in expected:

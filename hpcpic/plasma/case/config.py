@@ -27,7 +27,7 @@ from hpcpic.core.case.schema import (
     setting,
 )
 from hpcpic.core.case.words import last_side
-from hpcpic.core.files.start import Start, arrays, attach, attached_arrays
+from hpcpic.core.files.start import Start, arrays, attach_arrays, attached_arrays
 from hpcpic.plasma.case import units
 from hpcpic.plasma.case.older_words import drift_warnings, modernised
 
@@ -331,7 +331,7 @@ class PlasmaConfig(Section):
     @classmethod
     def modernised(cls, tree: Tree) -> None:
         modernised(tree)
-        for path in attach(tree, ("species", "start")):
+        for path in attach_arrays(tree, ("species", "start")):
             species = tree.data["species"][path[1]]
             species.setdefault("init_method", "arrays")
             if "particles_per_cell" not in species:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import hpcpic
+import lbmdem
 import sph
 
 
@@ -59,9 +60,24 @@ def test_a_case_survives_pickling_with_its_changes_and_its_arrays():
         ({"positions": np.zeros((4, 1))}, "holds an array 'positions'; there are position, velocity"),
         ({"position": np.zeros((4, 1)), "velocity": np.zeros((3, 1))}, "arrays of different lengths: 3, 4"),
         ({"velocity": [[np.nan]]}, "velocity must hold finite numbers"),
-        ({"file": "nowhere.npz"}, "cannot be read as arrays .No such file"),
+        ({"file": "nowhere.npz"}, r"species\[0\].start.file: \S+nowhere.npz: cannot be read as arrays .No such file"),
     ],
 )
 def test_arrays_that_cannot_be_a_start_are_told(start, told):
     with pytest.raises(hpcpic.ConfigError, match=told):
         started(**start)
+
+
+@pytest.mark.parametrize(
+    ("program", "group", "others"),
+    [
+        (sph, "fluid", {"numerics": {"spacing": 0.1}}),
+        (lbmdem, "grains", {"domain": {"size": [1.0, 1.0]}}),
+    ],
+)
+def test_a_file_of_arrays_that_is_not_there_is_told_with_its_key_and_nothing_else_is(program, group, others):
+    """Not that there is no shape, or no position: all that follows reads the arrays."""
+    with pytest.raises(hpcpic.ConfigError) as told:
+        program.Case(simulation={"end_time": 1.0}, **others, **{group: [{"start": {"file": "nowhere.npz"}}]})
+    (message,) = told.value.messages
+    assert f"{group}[0].start.file: " in message and "nowhere.npz: cannot be read as arrays (No such file" in message
