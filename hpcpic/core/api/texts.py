@@ -39,8 +39,9 @@ def case_text(sections: Mapping[str, Any], keep: Keep) -> str:
 
 
 def setting_text(value: Any, key: str, keep: Keep) -> str:
-    """A value in libconfig syntax: mappings are groups, sequences of mappings lists, other sequences arrays. What
-    stands under a key `start` are arrays, which are kept in a file."""
+    """A value in libconfig syntax: mappings are groups, sequences of mappings lists, other sequences arrays; an empty
+    one is a list, which stands for no groups and for no numbers. What stands under a key `start` are arrays, which are
+    kept in a file."""
     if isinstance(value, Mapping):
         if _holds_arrays(key) and "file" not in value:
             value = {"file": keep(value)}
@@ -49,7 +50,9 @@ def setting_text(value: Any, key: str, keep: Keep) -> str:
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, list | tuple):
-        if value and isinstance(value[0], Mapping | list | tuple | np.ndarray):
+        if not value:
+            return "()"
+        if isinstance(value[0], Mapping | list | tuple | np.ndarray):
             return "( " + ", ".join(setting_text(inner, f"{key}[{i}]", keep) for i, inner in enumerate(value)) + " )"
         return value_text([_plain(inner, f"{key}[{i}]") for i, inner in enumerate(value)])
     return value_text(_plain(value, key))

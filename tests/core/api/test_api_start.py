@@ -81,3 +81,11 @@ def test_a_file_of_arrays_that_is_not_there_is_told_with_its_key_and_nothing_els
         program.Case(simulation={"end_time": 1.0}, **others, **{group: [{"start": {"file": "nowhere.npz"}}]})
     (message,) = told.value.messages
     assert f"{group}[0].start.file: " in message and "nowhere.npz: cannot be read as arrays (No such file" in message
+
+
+def test_an_empty_list_is_no_groups_and_no_numbers():
+    """Python has one kind of list; a case file has lists of groups and arrays of numbers."""
+    none = lbmdem.Case("settling-disc").changed({"grains": [], "gravity": np.zeros(0), "boundary": ()}).config
+    assert (none.grains, none.gravity, none.boundary) == ((), (0.0, 0.0), ())
+    with pytest.raises(hpcpic.ConfigError, match="space_length: needs at least 1 value"):
+        hpcpic.Case("landau-damping").changed({"simulation.space_length": []})
