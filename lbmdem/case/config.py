@@ -390,6 +390,8 @@ def seeps(config: LbmDemConfig) -> bool:
 
 def contact_law(config: LbmDemConfig) -> ContactLaw:
     contact, reduced = config.contact, 0.5 * lightest(config)
+    if not contact.friction:  # nothing acts along a contact, nor limits its step
+        return ContactLaw(contact.normal_stiffness, contact.damping)
     shear = contact.tangential_stiffness or 2.0 / 7.0 * contact.normal_stiffness
     remembers = contact.tangential == "history"
     beta = contact.tangential_viscosity

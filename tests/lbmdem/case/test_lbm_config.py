@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
@@ -10,12 +11,14 @@ from hpcpic.core.case.config import leaves, load, loads
 from hpcpic.core.case.derived import enforce
 from hpcpic.core.case.schema import dump
 from hpcpic.core.errors import ConfigError
+from hpcpic.core.physics.contact_law import ContactLaw
 from lbmdem.app import shipped_cases
-from lbmdem.case.config import Diameters, LbmDemConfig, contact_step
+from lbmdem.case.config import Diameters, LbmDemConfig, contact_step, lightest
 from lbmdem.configure import configure
 from lbmdem.forecast.derived import derived
 from lbmdem.forecast.estimate import estimate
 from lbmdem.forecast.plan import plan
+from lbmdem.physics.contact_law import stable_step
 from lbmdem.physics.velocity_sets import CS2
 from lbmdem.setup.overlap_survey import law_diameters, law_volume, solid_volume
 
@@ -61,6 +64,20 @@ def test_a_substep_of_the_contacts_is_a_fifth_of_the_largest_stable_one(stiffnes
         f"contact = {{ normal_stiffness = {stiffness}; }};"
     )
     assert alone.time_step == pytest.approx(0.2 * contact_step(alone), rel=1e-12)
+
+
+@pytest.mark.parametrize("tangential", ["regularised", "history"])
+def test_without_friction_nothing_along_a_contact_limits_the_step(tangential):
+    """The force there is at most mu N: none. The default viscosity would ask for fifteen times as many steps."""
+    dry = f"simulation = {{ end_time = 1.0; }}; domain = {{ size = [1e-3, 1e-3]; }}; {DISC} "
+    none, some = (
+        config_of(f'{dry} contact = {{ tangential = "{tangential}"; friction = {mu}; {more} }};')
+        for mu, more in ((0.0, "tangential_viscosity = 1e9;"), (1e-9, ""))
+    )
+    normal = ContactLaw(none.contact.normal_stiffness, none.contact.damping)
+    radius, mass = np.array([1e-4]), np.array([lightest(none)])
+    assert contact_step(none) == stable_step(normal, radius, mass, 0.5 * mass * radius**2)
+    assert contact_step(some) < 0.8 * contact_step(none)
 
 
 @pytest.mark.parametrize("name", sorted(shipped_cases()))
