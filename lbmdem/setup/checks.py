@@ -240,4 +240,4 @@ def grain_faults(grains: GrainSet, d: int) -> Iterator[tuple[Path, str]]:
         if given is not None and len(given) != count:
             yield ("start",), f"{name} has {len(given)} rows for {count} grains"
     if grains.diameters is not None and grains.diameters.min > grains.diameters.max:
-        yield ("diameters", "min"), "is above max"
+        yield ("diameters", "min"), f"is above max ({grains.diameters.max:g} m; got {grains.diameters.min:g})"

@@ -38,7 +38,8 @@ def faults(config: PlasmaConfig) -> Iterator[Fault]:
             yield ("field", name), f"needs 3 numbers, one per axis x, y, z (got {len(vector)})"
     yield from equation_faults(config, d)
     yield from field_faults(config.output.fields)
-    yield from mode_faults(config.output.modes, config.points)
+    if len(config.points) == d:
+        yield from mode_faults(config.output.modes, config.points)
     for field in asked_for(config):
         if said := fault(field, d, velocity_components(config)):
             yield ("output", "fields"), f"{field.name}: {said}"

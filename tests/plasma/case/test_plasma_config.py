@@ -283,6 +283,12 @@ def test_settings_that_do_not_fit_are_refused(assignment, message):
     assert len(messages) <= 2
 
 
+def test_points_of_another_number_are_no_fault_of_the_modes():
+    """They were told to have as many numbers as the grid has points, beside the grid that has too few."""
+    (message,) = faults_of(CASE, ["grid.points=[16]", "output.modes=([1, 0])"])
+    assert "grid.points: needs 2 number(s) in 2D (got 1)" in message
+
+
 @pytest.mark.parametrize(
     ("grid", "message"), [("", "grid: needs points"), ("blocks = [4, 4];", "grid.blocks: needs points")]
 )
