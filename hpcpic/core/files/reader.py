@@ -205,6 +205,9 @@ class Run:
 
     @cached_property
     def series(self) -> Series:
+        table = self.path / "series.h5"
+        if not table.exists() and self.summary.get("status") == "running":
+            raise FileError(f"{table}: no such file yet: the run has not come to its first sample")
         return read_series(self.path)
 
     @cached_property

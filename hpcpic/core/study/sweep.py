@@ -252,7 +252,8 @@ def _tell(rows: list[dict[str, Any]], folder: Path) -> None:
     columns = _columns(rows)
     shown = [name for name in columns if name != "state_digest"][:12]
     table(shown, [[_short(row.get(name)) for name in shown] for row in rows])
-    click.echo(f"table: {folder / 'table.csv'}")
+    others = [name for name in columns if name not in shown]
+    click.echo(f"table: {folder / 'table.csv'}" + (f", with {', '.join(others)} too" if others else ""))
     failed = sum(row["exit_code"] != 0 for row in rows)
     if failed:
         raise CheckFailed(f"{failed} of {len(rows)} runs failed; their output is in {folder}/NNNN.txt")

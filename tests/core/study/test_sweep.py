@@ -55,6 +55,9 @@ def test_failures_stop_nobody_and_finished_runs_are_not_repeated(toy):
     assert done.returncode == 3, done.stderr
     assert [row["exit_code"] for row in table(toy)] == ["0", "2", "0"]
     assert [row["courant"] for row in table(toy)] == ["0.5", "2", "1"]
+    shown = [name for line in done.stdout.splitlines() if line.startswith("run ") for name in line.split()]
+    _, _, others = next(line for line in done.stdout.splitlines() if line.startswith("table: ")).partition(", with ")
+    assert {*shown, *others.removesuffix(" too").split(", ")} - {""} == set(table(toy)[0])
     assert float(table(toy)[0]["mass"]) == pytest.approx(50.0)
     first = toy.facts("s/0000")
     again = toy(*words)
