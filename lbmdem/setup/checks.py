@@ -143,8 +143,9 @@ def vector_faults(config: LbmDemConfig, d: int) -> Iterator[tuple[Path, str]]:
     for i, grains in enumerate(config.grains):
         vectors.append((("grains", i, "velocity"), grains.velocity))
         vectors += [(("grains", i, "position"), point) for point in grains.position]
-        if grains.angular_velocity and len(grains.angular_velocity) != (1 if d == 2 else 3):
-            yield ("grains", i, "angular_velocity"), f"needs {1 if d == 2 else 3} number(s) in {d}D"
+        given, wanted = len(grains.angular_velocity), 1 if d == 2 else 3
+        if given and given != wanted:
+            yield ("grains", i, "angular_velocity"), f"needs {wanted} number(s) in {d}D (got {given})"
     for path, vector in vectors:
         if vector and len(vector) != d:
             yield path, f"needs {d} numbers in {d}D (got {len(vector)})"

@@ -148,6 +148,8 @@ def test_a_periodic_face_is_a_periodic_axis():
         (DISC.replace("({", '({ name = "obstacle_1";') + plane(), "'obstacle_1' is taken by an earlier one"),
         (DISC.replace("({", '({ name = "a/b";'), "grains[0].name: must do without"),
         ('boundary = ({ face = "y+"; type = "wall"; velocity = [0.0, 1e-5]; });', "a wall slides along itself"),
+        (DISC.replace("({", "({ angular_velocity = [0.0, 0.0, 1.0];"), "needs 1 number(s) in 2D (got 3)"),
+        (packed("").replace("8e-5", "2e-4"), "grains[0].diameters.min: is above max (0.0001 m; got 0.0002)"),
         (packed("low = -1e-4"), "grains[0].packing.low: must lie in the box"),
         (packed("low = 2e-4; high = 1e-4"), "grains[0].packing.high: must be above low (0.0002 m)"),
         (packed("", "low = 0.0; high = 1e-3"), "grains[1].packing: fills the space of an earlier one"),
