@@ -15,7 +15,8 @@ from lbmdem.case.config import (
     LbmDemConfig,
 )
 from lbmdem.forecast.contacts import contacts, overlap_at_start
-from lbmdem.forecast.free_fall import OTHER_COLLISION, falling, speed_through, stays, unheld
+from lbmdem.forecast.driven import driven, steady
+from lbmdem.forecast.free_fall import OTHER_COLLISION, falling, unheld
 from lbmdem.forecast.node_shares import LOOSE
 from lbmdem.forecast.plan import grain_count
 from lbmdem.forecast.relaxation import SPACING, key_of_tau, relaxation, slower
@@ -33,7 +34,7 @@ ENOUGH_NODES = {2: 10.0, 3: 7.0}  # across a grain (Mansouri et al., section 4)
 
 def derived(config: LbmDemConfig, ranks: int = 1) -> list[Derived]:
     """Every derived number of a completed case that runs on so many ranks."""
-    parts = (relaxation, lattice_units, speeds, driven, pressures, inflow, sloshing)
+    parts = (relaxation, lattice_units, speeds, driven, steady, pressures, inflow, sloshing)
     fluid = [number for part in parts for number in part(config)] if config.fluid else []
     fluid += obstacles(config) if config.fluid else []
     solids = [*grains(config), *unheld(config), *contacts(config), *slices(config)]
@@ -92,38 +93,6 @@ def speeds(config: LbmDemConfig) -> Iterator[Derived]:
             source="doubly periodic shear layer, measured (tests/validation)",
             cure=OTHER_COLLISION, key=SPACING, forceable=True,
         )  # fmt: skip
-
-
-def driven(config: LbmDemConfig) -> Iterator[Derived]:
-    """Speed that the body force gives the fluid: that of its whole push, or if less that of the parabola between the
-    nearest walls along it. Solids that stay hold the fluid back: then these, and what grains that it must pass let
-    through, are upper limits. Not told of grains that all move in a box without walls along the force.
-    """
-    size, nu, end = config.domain.size, config.liquid.kinematic_viscosity, config.simulation.end_time
-    stay = any(stays(config, group) for group in config.grains)
-    held = stay or bool(config.obstacle)
-    unwalled = {face.face[0] for face in config.boundary if face.type != "wall"}.union(config.domain.periodic)
-    squares = 0.0
-    for along, a in zip(AXES, config.liquid.body_force):
-        walls = [length for axis, length in zip(AXES, size) if axis not in unwalled and axis != along]
-        if a and along in unwalled and (walls or held or not config.grains):
-            limits = [abs(a) * end, *(abs(a) * height**2 / (8.0 * nu) for height in walls)]
-            if stay and (not walls or along == AXES[config.dimensions - 1]):  # it cannot pass beside them
-                limits.append(speed_through(config, abs(a)))
-            squares += min(limits) ** 2
-    if not squares:
-        return
-    speed = math.sqrt(squares)
-    mach = speed * config.time_step / config.spacing / math.sqrt(CS2)
-    name = "largest speed that the body force can make" if held else "speed that the body force makes"
-    source = "a t, or a H2/(8 nu) between walls" + ("; drag of grains, Ergun 1952" if stay else "")
-    yield Derived(name, "U", speed, "m/s", source=source)
-    yield judged(
-        "Mach number of the driven fluid" + (", at most" if held else ""), "Ma", mach, ok=mach <= 0.25,
-        legal=held or mach < 0.5, forceable=True, limit="<= 0.25" if held else "<= 0.25, < 0.5 at all",
-        source="Mansouri et al., section 3.2", key=("fluid", "body_force"),
-        cure=f"a weaker force, or relaxation_time = {slower(config, 0.24 / mach)}",
-    )  # fmt: skip
 
 
 def pressures(config: LbmDemConfig) -> Iterator[Derived]:

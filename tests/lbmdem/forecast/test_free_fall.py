@@ -303,6 +303,31 @@ def test_the_speed_past_grains_is_at_most_what_is_told_and_not_far_below(share, 
     assert measured < told < 8.0 * measured and thicker <= told < harder
 
 
+ROD = """
+simulation = {{ end_time = 0.02; }};
+domain = {{ size = [{side!r}, {side!r}]; spacing = {spacing!r}; periodic = ["x", "y"]; }};
+fluid = {{ kinematic_viscosity = 1.0e-6; body_force = [0.0, 0.01]; }};
+grains = ({{ diameter = 1.0e-4; moving = false; position = [{middle!r}, {middle!r}]; }});
+"""
+
+
+@pytest.mark.parametrize(
+    ("share", "nodes", "measured"),  # time in which runs come to 1 - 1/e of their permeability, s
+    [(0.05, 48, 0.01281), (0.3, 19, 5.80e-4)],
+)
+def test_a_run_that_ends_before_its_permeability_is_steady_is_told(share, nodes, measured):
+    """By the time in which the drag of the grains stops a fluid, whatever drives it."""
+    side, name = 1.0e-4 * math.sqrt(math.pi / 4.0 / share), "end over the time to a steady flow"
+    text = ROD.format(side=side, spacing=side / nodes, middle=0.5 * side)
+    told = number(text, name)
+    assert 0.8 * measured < 0.02 / told.value < 3.0 * measured
+    long_enough = told.cure.partition("end_time = ")[2] or "0.02"
+    assert told.verdict == ("warn" if share < 0.1 else "ok")
+    assert number(text, name, f"simulation.end_time={1.01 * float(long_enough)}").verdict == "ok"
+    assert number(text, name, "fluid.body_force=[0.0, 0.005]").value == pytest.approx(told.value, rel=1e-3)
+    assert number(text, name, "fluid.body_force=[0.01, 0.0]") is None  # no permeability is measured along x
+
+
 def test_a_body_force_that_makes_the_fluid_too_fast_is_refused():
     """Its Mach number is that of the parabola, and the relaxation time that is told mends it."""
     name = "Mach number of the driven fluid"
