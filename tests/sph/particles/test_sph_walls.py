@@ -241,13 +241,17 @@ def test_a_thin_bed_between_repulsive_walls_stays_where_it_is():
 
 
 @pytest.mark.parametrize("y, share", [(0.5, 1.6**8), (0.7, (8 / 7) ** 8), (0.9, 0.25), (1.01, 0.0)])
+@pytest.mark.parametrize("with_body", [False, True])
 @pytest.mark.parametrize("d", [2, 3])
-def test_a_repulsive_wall_pushes_as_hard_as_the_paper_says(d, y, share):
+def test_a_repulsive_wall_pushes_as_hard_as_the_paper_says(d, y, share, with_body):
     """(SC 8)-(10): 0.01 c0^2 / h S(y / h) along the normal. What the particles of a flat wall share adds up to one
-    where they are a spacing apart: its edges, recessed by 0.067, are 12 spacings apart.
+    where they are a spacing apart: its edges, recessed by 0.067, are 12 spacings apart. A body above changes nothing.
     """
     size, fill = (1.066,) * (d - 1) + (1.2,), (1.066,) * (d - 1) + (0.5,)
-    sph = engine(d=d, spacing=0.1, size=size, fill=fill, more=tank(d, "repulsive", size), gravity=(0.0,) * d)
+    corners = f"low = {[0.3] * (d - 1) + [0.9]}; high = {[0.7] * (d - 1) + [1.1]};"
+    raft = f"{{ solid = true; body = {{ density = 500.0; }}; shape = {{ box = {{ {corners} }}; }}; }}"
+    walls = tank(d, "repulsive", size).removesuffix(");") + (f", {raft} );" if with_body else ");")
+    sph = engine(d=d, spacing=0.1, size=size, fill=fill, more=walls, gravity=(0.0,) * d)
     up, h, wall = sph.scene.axes.index(d - 1), sph.scene.h, sph.storage.physical("x").min()
 
     def lowest():
@@ -255,7 +259,9 @@ def test_a_repulsive_wall_pushes_as_hard_as_the_paper_says(d, y, share):
         inside = np.all((x > 0.3) & (x < 0.7), axis=0, where=np.arange(d)[:, None] != up)
         return sph.storage.fluid_slots[inside & (x[up] < 0.09)]
 
-    sph.storage.x[up, lowest()] = wall + y * h
+    rows = lowest()
+    sph.storage.x[:, rows] += 0.03  # before the middle of no particle of the wall
+    sph.storage.x[up, rows] = wall + y * h
     sph.sort()
     sph.evolution.evaluate_forces()
     push = sph.sums.forces_on(lowest())[up] / sph.storage.m[lowest()]
