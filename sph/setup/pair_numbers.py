@@ -10,12 +10,13 @@ from sph.physics.integrators import INTEGRATORS
 from sph.physics.liquids import liquids_of
 from sph.physics.pair_spec import NUMBERS, UNIT, PairSpec
 from sph.physics.smoothing import SMOOTHING, Smoothing
-from sph.physics.terms import BODY_CORE, CORE
+from sph.physics.terms import BODY_CORE, CORE, SPACE_CORE, WIDE_CORE
 from sph.physics.viscosities import VISCOSITIES
 from sph.physics.wall_rules import rule_of
 from sph.physics.waves import cleary_constant
 from sph.setup.scene import Scene
 
+CORE_MIDDLE = 0.8  # spacings: between four particles of a wall, half way into their cores
 WET = 0.3  # of the fluid that still water has before a wall; around a disc it is 0.45 or more
 
 
@@ -25,6 +26,18 @@ def before_a_wall(smoothing: Smoothing, d: int, ratio: float) -> float:
     steps = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * d), axis=-1).reshape(-1, d)
     r = np.sqrt(np.sum(np.square(steps[steps[:, 0] > 0]), axis=1)) / ratio
     return float(np.sum(smoothing.value(r[r < smoothing.support], d))) / ratio**d
+
+
+def core_of(smoothing: Smoothing, d: int, ratio: float, rigid: bool) -> tuple[float, float]:
+    """Width in spacings and strength in rho0 c0^2 of the stiff cores of walls (`terms.kept_out`); ratio = h / dp. In 3D
+    a particle pushes with the same force whatever h: stiffer cores take energy from thin sheets that strike the wall,
+    weaker ones let jets through.
+    """
+    if rigid:
+        return WIDE_CORE, BODY_CORE
+    if d == 2:
+        return CORE, 1.0
+    return WIDE_CORE, SPACE_CORE * ratio**5 / -float(smoothing.gradient(CORE_MIDDLE / ratio, d))
 
 
 def pair_spec_of(config: SphConfig, others: bool) -> PairSpec:
@@ -116,7 +129,7 @@ class PairNumbers:
         gravity[:d] = scene.gravity[list(scene.axes)] * (h / (c * c)) * (length / self.density)
         fall = np.zeros(3)
         fall[:d] = scene.acceleration[list(scene.axes)] * (h / (c * c)) * (length / self.density)
-        size, core = BODY_CORE if any(wall.rigid for wall in scene.walls) else (CORE, 1.0)
+        size, core = core_of(smoothing, d, h / scene.spacing, any(wall.rigid for wall in scene.walls))
         numbers = {
             "artificial": -0.5 * (numerics.artificial_viscosity or 0.0) * (speed / length),
             "viscous": -2.0 * xi * scene.viscosity / (scene.rho0 * c * h) * (speed / length),

@@ -129,3 +129,21 @@ def test_a_sheet_that_is_stretched_along_a_wall_does_not_creep_through(precision
     while sph.time < 4.0:
         sph.step()
     assert sph.storage.physical("x", sph.storage.fluid_slots)[:, 0].min() > -0.1 * sph.scene.spacing
+
+
+@pytest.mark.parametrize("smoothing", [1.5, 2.0])
+def test_a_jet_does_not_enter_a_wall_between_four_of_its_particles(smoothing):
+    """It comes with c0 / 10 and leaves sideways with twice that. With cores of 0.7 spacings, which do not reach the
+    middle of four, particles got 1.1 and 2.2 spacings deep. The wall gives no energy.
+    """
+    normal = np.array([0.3, 0.2, 0.93273791])
+    plane = f"plane = {{ point = [0.0, 0.0, 0.03]; normal = {normal.tolist()}; }};"
+    sph = engine(d=3, size=(0.6, 0.6, 0.8), low=(0.1, 0.1, 0.1), fill=(0.3, 0.3, 0.5), spacing=0.02,
+                 smoothing=smoothing, velocity=(0.0, 0.0, -5.0), gravity=(0.0,) * 3, pressure="zero", sound=50.0,
+                 alpha=0.02, flux="delta", cfl=0.85, more=f"wall = ( {{ shape = {{ {plane} }}; }} );")  # fmt: skip
+    deepest, energy = 0.0, sph.scalars()["energy_total"]
+    while sph.time < 0.2:
+        sph.step()
+        off = (sph.storage.physical("x", sph.storage.fluid_slots) - [0.0, 0.0, 0.03]) @ normal
+        deepest = max(deepest, -off.min() / sph.scene.spacing)
+    assert deepest < 0.5 and sph.scalars()["energy_total"] < energy
