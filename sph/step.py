@@ -97,7 +97,8 @@ class Sph:
     def _prepare(self, scene: Scene, pool: Pool) -> None:
         """Declare the arrays, without particles yet, and compile the kernels of the scene."""
         maps, mirrors = images_of(self.walls, self.skin.largest_radius)
-        self.spec = pair_spec_of(scene.config, bool(scene.walls) or len(maps.planes) > 1)
+        others, films = bool(scene.walls) or len(maps.planes) > 1, any(wall.presses for wall in scene.walls)
+        self.spec = pair_spec_of(scene.config, others, films)
         declared = arrays_of(self.spec, self.integrator.staged)
         parts = parts_of(scene.n_fluid // self.world.size, pool.threads)
         self.tasks = Tasks(pool, arena_of(scene, declared, parts, mirrors=mirrors))

@@ -16,7 +16,7 @@ from sph.setup.flows import at_rest, load
 from sph.setup.obstacles import NEAR
 from sph.setup.openings import Source
 from sph.setup.rigid.mass import share
-from sph.setup.rigid.surfaces import gap, off
+from sph.setup.rigid.surfaces import TOUCHING, gap, nearest
 from sph.setup.scene import Scene, Wall
 from sph.setup.signed_distance import signed_distance
 from sph.setup.speeds import fastest, motion_speed, speed_jump, speed_scale
@@ -25,7 +25,6 @@ from sph.setup.tanks import depth_in, depth_in_wall, open_sides
 DENSE, DENSER = 0.02, 0.1  # rho / rho0 - 1 at rest, which are noticed and refused
 MOST_STEPS = 1e9  # 11 days at a millisecond a step
 LEAST_ACROSS = 5  # particles, of which the kernel reaches over most
-TOUCHING = 1e-3  # spacings of overlap that rounding of places in a case may make
 LIGHTEST = 0.03  # mass of a body over that of it and a layer of fluid
 PUSH = (1.3, 1.6, 2.0), (0.11, 0.035, 0.006)  # by h/dp: C_d that a pressure of rho v^2 adds to a cylinder's, which is 2
 MOST_PUSH = 0.2
@@ -242,16 +241,18 @@ def ways_of_fluid(config: SphConfig) -> Iterator[tuple[geometry.Point, geometry.
 
 
 def films(scene: Scene) -> Iterator[Derived]:
-    """Solids whose force is measured and that lie so near others that the fluid between does not carry all of it."""
+    """Solids whose force is measured and that lie so near others that the fluid between does not carry all of it, nor
+    do they press on each other across it.
+    """
     for wall in scene.walls:
-        if wall.rigid or not (wall.section.solid and wall.measure_force and wall.rule.layered):
+        if wall.presses or not (wall.section.solid and wall.measure_force and wall.rule.layered):
             continue
-        key = ("wall", wall.index, "shape")
-        gaps = [(off(wall, other), other.name) for other in scene.walls if other is not wall]
-        for least, name in [one for one in sorted(gaps)[:1] if TOUCHING < one[0] / scene.spacing < 2.0 - TOUCHING]:
-            yield Derived(f"layers of fluid between {wall.name} and {name}", "n", least / scene.spacing, "", ">= 2",
-                          "warn", f"one layer carries 0.8 of the pressure, force_{wall.name} lacks the rest",
-                          f"spacing = {least / 2:.3g}, or they touch", key)  # fmt: skip
+        least, other = nearest(wall)
+        if TOUCHING < least < 2.0 - TOUCHING:
+            yield Derived(f"layers of fluid between {wall.name} and {other.name}", "n", least, "", ">= 2", "warn",
+                          f"one layer carries 0.8 of the pressure, force_{wall.name} lacks the rest",
+                          f"spacing = {least * scene.spacing / 2:.3g}, or they touch",
+                          ("wall", wall.index, "shape"))  # fmt: skip
 
 
 def rigid_bodies(scene: Scene) -> Iterator[Derived]:

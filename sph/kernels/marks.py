@@ -14,7 +14,7 @@ EXTRAPOLATED = 128  # of a wall whose density follows from the fluid before it
 NO_DENSITY = REPULSIVE | EXTRAPOLATED  # that evolves
 SLIPS = 256  # of a wall without friction
 SOLID = 9
-SOLIDS = 255 << SOLID  # number of a rigid body (its wall + 1, below 128), 0 for all else
+SOLIDS = 255 << SOLID  # number of a solid that presses on others across films (its wall + 1, below 128), 0 for all else
 NORMAL = 17  # flags >> this: number of the normal of a repulsive particle
 
 LIQUID = NORMAL  # flags >> this: number of the liquid of fluid (physics.liquids)

@@ -247,7 +247,9 @@ def cut_classes(reach, flags, kind, b, at, end):
 
 @njit
 def across_a_film(kinds, kind):
-    """Whether two are of a rigid body and of another solid, both with the pressure of the fluid between these."""
+    """Whether two are of a solid that presses across films, as rigid bodies do, and of another solid, both with the
+    pressure of the fluid between these.
+    """
     meet = ((kinds | kind) & REAL != 0) & ((kinds ^ kind) & SOLIDS != 0)
     return meet & (kinds & kind & EXTRAPOLATED != 0)
 

@@ -154,7 +154,7 @@ class Walls:
         kinds = np.array(
             [REAL | REPULSIVE * r.repulsive | EXTRAPOLATED * r.extrapolated | SLIPS * r.slips for r in rules]
         )
-        kinds |= [(wall.index + 1) << SOLID if wall.rigid else 0 for wall in scene.walls]
+        kinds |= [(wall.index + 1) << SOLID if wall.presses else 0 for wall in scene.walls]
         mass = np.full(len(ids), scene.rho0 * scene.spacing**scene.dimensions)
         v = self.velocity[index][:, list(scene.axes)].T
         storage.append(x, v, drho, mass, ids, kinds[index] | scene.normal_of(ids) << NORMAL)

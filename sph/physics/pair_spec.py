@@ -40,6 +40,8 @@ class PairSpec:
     """Whether some of these are accelerated."""
     turning: bool = False
     """Whether some of these turn."""
+    films: bool = False
+    """Whether some press on each other across a film of fluid."""
     wetted: bool = False
     """Whether friction lacks a torque on those that turn, where they are wet (see particles.wall_forces)."""
     tensile: bool = False
@@ -135,8 +137,8 @@ class Pass:
     """Lines of a pair, sums of them, and lines that give `wall`, the further force on i next to a repulsive wall.
 
     inside: fluid that meets nothing else takes part. by_volume: a body gives in proportion to its volume. films: of
-    rigid bodies and other solids takes part what lies on either side of a film of fluid, too thin to bear all that they
-    press on each other.
+    rigid bodies, measured solids and what is beside them takes part what lies on either side of a film of fluid, too
+    thin to bear all that they press on each other.
     """
 
     lines: list[Line] = field(default_factory=list)
@@ -172,7 +174,7 @@ def momentum(spec: PairSpec) -> Pass:
     wall = [Line("wall", terms.repulsion)] * spec.repulsive
     if wall and viscosity.wall_drag:
         wall.append(Line("wall", viscosity.wall_drag))
-    return Pass(lines, [force], wall, films=spec.turning and spec.extrapolated)
+    return Pass(lines, [force], wall, films=spec.films)
 
 
 def continuity(spec: PairSpec) -> Pass:

@@ -40,8 +40,10 @@ def core_of(smoothing: Smoothing, d: int, ratio: float, rigid: bool) -> tuple[fl
     return WIDE_CORE, SPACE_CORE * ratio**5 / -float(smoothing.gradient(CORE_MIDDLE / ratio, d))
 
 
-def pair_spec_of(config: SphConfig, others: bool) -> PairSpec:
-    """What the kernels of a case are made for; `others`: there are walls, or images of the fluid."""
+def pair_spec_of(config: SphConfig, others: bool, films: bool = False) -> PairSpec:
+    """What the kernels of a case are made for. others: there are walls, or images of the fluid; films: solids that stay
+    press on others across a film.
+    """
     numerics, form = config.numerics, config.numerics.viscosity_form or "none"
     rules = [rule_of(wall.type) for wall in config.wall]
     liquids = liquids_of(config)
@@ -71,6 +73,7 @@ def pair_spec_of(config: SphConfig, others: bool) -> PairSpec:
             for rule, wall in zip(rules, config.wall)
         ),
         turning=any(wall.body for wall in config.wall),
+        films=films or any(rule.extrapolated and wall.body for rule, wall in zip(rules, config.wall)),
         wetted=viscous
         and VISCOSITIES[form].along_velocity
         and any(wall.body and not rule.slips for rule, wall in zip(rules, config.wall)),

@@ -43,6 +43,7 @@ from sph.setup.particle_lattices import (
 from sph.setup.rigid.fit import Fitted, beside, fits
 from sph.setup.rigid.mass import rigid_of
 from sph.setup.rigid.packing import oblique, packed, share
+from sph.setup.rigid.surfaces import beside_a_film
 
 REST = 0.9  # of h: distance at which a repulsive layer holds the fluid (S(y) of (SC 9) is 0.25 there)
 FAR = 1e300
@@ -70,6 +71,11 @@ class Wall:
     @property
     def moving(self) -> bool:
         return self.section.motion is not None
+
+    @cached_property
+    def presses(self) -> bool:
+        """Pairs of this and other solids act across a film of fluid (kernels.runs.across_a_film)."""
+        return bool(self.rigid) or beside_a_film(self)
 
     def motion(self, t: float) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Displacement[d] in m, velocity[d] in m/s and acceleration[d] in m/s2 at time t; no jumps of the velocity."""

@@ -19,6 +19,7 @@ from sph.setup.particle_lattices import grid_of
 from sph.setup.signed_distance import normals, signed_distance
 
 Reals = NDArray[np.float64]
+TOUCHING = 1e-3  # spacings of overlap that rounding of places in a case may make
 SLOPE = 1e-3  # of a spacing: over which normals are differences
 LAYER = 0.25, 1.25  # depths in spacings of outer particles
 
@@ -66,6 +67,26 @@ def off(one: Any, other: Any) -> float:
     """How far the spheres of a solid are from another one at t = 0, m."""
     x, radius = spheres(one.shape, one.scene.spacing)
     return min((float((apart - radius).min(initial=math.inf)) for apart, _ in surfaces(other, x)), default=math.inf)
+
+
+def nearest(solid: Any) -> tuple[float, Any]:
+    """How far the nearest other wall is from a solid at t = 0, in spacings, and that wall; infinity and None: there is
+    no other.
+    """
+    others = [wall for wall in solid.scene.walls if wall is not solid]
+    gaps = [off(solid, wall) / solid.scene.spacing for wall in others]
+    return min(zip(gaps, others), key=lambda one: one[0], default=(math.inf, None))
+
+
+def beside_a_film(solid: Any) -> bool:
+    """Whether particles of a solid whose force is measured see those of the nearest wall across a film of fluid at
+    t = 0, both with the pressure of that.
+    """
+    if not (solid.section.solid and solid.measure_force and solid.rule.extrapolated):
+        return False
+    least, other = nearest(solid)
+    seen = TOUCHING < least < solid.scene.support / solid.scene.spacing - 1.0 - TOUCHING
+    return seen and bool(other.rule.extrapolated)
 
 
 def pairs(walls: list[Any]) -> list[tuple[Any, Any]]:

@@ -8,6 +8,7 @@ from hpcpic.core.errors import ConfigError
 from sph.forecast.derived import derived
 from sph.kernels.marks import MINE, OWN, WALL_SHIFT
 from sph.setup.rigid.mass import angle_of, rigid_of, rotation, times, turning
+from sph.setup.scene import Scene
 
 BOX = "box = { low = [0.3, 0.4]; high = [0.7, 0.6]; };"
 
@@ -238,9 +239,34 @@ def test_fluid_that_slips_along_a_disc_does_not_turn_it(kind, turned):
     assert (abs(sph.bodies.state[0, 12]) > 0.0) == turned
 
 
+def pier(low, high, kind="extrapolated-free-slip"):
+    """A solid that stays and whose force is measured, in a tank of the same kind."""
+    return bodies(tank(len(low), kind)[9:-3], f"""{{ name = "pier"; type = "{kind}"; solid = true; measure_force = true;
+        shape = {{ box = {{ low = {low}; high = {high}; }}; }}; }}""")
+
+
 @pytest.mark.parametrize(("low", "told"), [(0.0, 0), (0.05, 1), (0.08, 1), (0.1, 0)])
 def test_a_measured_solid_is_two_layers_from_others_or_touches_them(low, told):
-    pier = f"""{{ name = "pier"; solid = true; measure_force = true;
-        shape = {{ box = {{ low = [0.3, {low}]; high = [0.7, 0.4]; }}; }}; }}"""
-    found = derived(config(more=bodies(tank(kind="extrapolated-free-slip")[9:-3], pier)))
-    assert [line.verdict for line in found if line.name.startswith("layers of fluid")] == ["warn"] * told
+    """Or its walls have the pressure of the fluid before them, and press on each other across it."""
+    for kind, lines in (("pressure-continuity", told), ("extrapolated-no-slip", 0)):
+        found = derived(config(smoothing=1.5, more=pier([0.3, low], [0.7, 0.4], kind)))
+        assert [line.verdict for line in found if line.name.startswith("layers of fluid")] == ["warn"] * lines
+
+
+@pytest.mark.parametrize("precision", ["double", "single"])
+@pytest.mark.parametrize(("d", "smoothing", "gap"), [(2, 1.3, 1), (2, 2.0, 1), (2, 2.0, 2), (3, 1.5, 1)])
+def test_solids_that_stay_press_on_each_other_across_a_film(d, smoothing, gap, precision):
+    """A measured one has the lift of Archimedes over one or two layers of water; it had -0.8 to 0.85 of it."""
+    low = [0.3] * (d - 1) + [0.05 * gap]
+    sph = engine(d=d, spacing=0.05, fill=(1.0,) * d, smoothing=smoothing, flux="delta", sound=60.0, precision=precision,
+                 more=pier(low, [0.7] * (d - 1) + [low[-1] + 0.3]))  # fmt: skip
+    force = sph.wall_forces()["pier"][0]
+    lift = 9810.0 * 0.4 ** (d - 1) * 0.3
+    assert force[-1] == pytest.approx(lift, rel=0.05)
+    assert np.abs(force[:-1]).max() < 1e-3 * lift
+
+
+def test_a_solid_that_touches_another_does_not_press_on_it():
+    """No fluid gets between them. Nor does one farther than its particles see."""
+    for low, presses in ((0.0, False), (0.05, True), (0.1, False)):
+        assert [wall.presses for wall in Scene(config(more=pier([0.3, low], [0.7, 0.4]))).walls] == [False, presses]
