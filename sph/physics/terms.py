@@ -17,7 +17,7 @@ from hpcpic.core.simd.formulas import fma, maximum, minimum, select, sqrt
 from sph.physics.vectors import add_scaled, difference, dot, products, scaled, squares, sum_of, turned
 
 CORE = 0.7  # spacings: of half that off the surface, even between two particles of a wall
-WIDE_CORE = 0.9  # in 3D and with rigid bodies: between four particles of a wall too
+WIDE_CORE = 0.9  # in 3D where h is large, and with rigid bodies: between four particles of a wall too
 BODY_CORE = 2.0  # with rigid bodies, which press on fluid: for jets of c0 / 3
 SPACE_CORE = 0.07  # in 3D, strength times -F dp^5 at 0.8 dp: what comes with c0 / 10 turns round between four of a wall
 PER_CORE = 1 / CORE
@@ -92,7 +92,7 @@ def pressure(push_i, push_j):
 def kept_out(push, r, per_h, core_reach, core):
     """At least the pressure of a stiff core, rho0 c0^2 (1 - r / (0.7 dp)), between fluid and a wall that follows it: a
     sheet of a few particles has no pressure by which such a wall would hold it. Fluid at rest is farther off, dp.
-    In 3D and with rigid bodies it has `core` times that, and 0.9 dp; core_reach = 0.7 core h / 0.9 dp.
+    With rigid bodies, and in 3D where h is large, it has `core` times that, and 0.9 dp; core_reach = 0.7 core h / 0.9 dp.
     """
     return maximum(push, core - r * per_h * core_reach * PER_CORE)
 

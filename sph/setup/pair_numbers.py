@@ -16,6 +16,7 @@ from sph.physics.wall_rules import rule_of
 from sph.physics.waves import cleary_constant
 from sph.setup.scene import Scene
 
+NARROW_HOLDS = 1.5  # h / dp up to which a jet of c0 / 10 gets a spacing deep into a wall in 3D, not through it
 CORE_MIDDLE = 0.8  # spacings: between four particles of a wall, half way into their cores
 WET = 0.3  # of the fluid that still water has before a wall; around a disc it is 0.45 or more
 
@@ -29,13 +30,13 @@ def before_a_wall(smoothing: Smoothing, d: int, ratio: float) -> float:
 
 
 def core_of(smoothing: Smoothing, d: int, ratio: float, rigid: bool) -> tuple[float, float]:
-    """Width in spacings and strength in rho0 c0^2 of the stiff cores of walls (`terms.kept_out`); ratio = h / dp. In 3D
-    a particle pushes with the same force whatever h: stiffer cores take energy from thin sheets that strike the wall,
-    weaker ones let jets through.
+    """Width in spacings and strength in rho0 c0^2 of the stiff cores of walls (`terms.kept_out`); ratio = h / dp. Wide
+    ones hold jets in 3D where narrow ones let them through, which push the less the larger h is; they push with the
+    same force whatever h. They take energy from thin sheets that strike the wall, so the others stay where they hold.
     """
     if rigid:
         return WIDE_CORE, BODY_CORE
-    if d == 2:
+    if d == 2 or ratio <= NARROW_HOLDS:
         return CORE, 1.0
     return WIDE_CORE, SPACE_CORE * ratio**5 / -float(smoothing.gradient(CORE_MIDDLE / ratio, d))
 
