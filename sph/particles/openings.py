@@ -2,7 +2,8 @@
 
 In the boxes of inlets and outlets fluid has no acceleration and no change of density by its neighbours: both are
 prescribed at the end of every step. An inlet makes a particle in each row as soon as the last one has gone a spacing;
-once past the end of the box it is fluid like all other. An outlet takes out what has come to the end of its box.
+farther on than the kernel reaches from there its density is its own, and once past the end of the box it is fluid like
+all other. An outlet takes out what has come to the end of its box.
 
 The fluid before a box, as far as the kernel reaches, says what is not prescribed: the head before an inlet without a
 level, the velocity before an outlet. Each rank adds these as integers, so that they have the same bits for any ranks.

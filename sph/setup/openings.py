@@ -37,8 +37,9 @@ class Liquid(Protocol):
 
 class Place:
     """A box from low[d] to high[d] through which fluid flows along `axis`, towards `sign`; `free`: where along it the
-    box meets the free fluid, which lies `inward` (1 or -1) of that; `end`: the other end, m. has_surface: of which the
-    pressure is never below 0.
+    box meets the free fluid, which lies `inward` (1 or -1) of that; `end`: the other end, m. From the end to `pressed`
+    density is prescribed: in an inlet as far as the kernel reaches, for what the fluid beyond it pushes together would
+    be forgotten. has_surface: of which the pressure is never below 0.
     """
 
     has_surface: bool
