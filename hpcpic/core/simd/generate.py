@@ -7,6 +7,7 @@ differ in a constant share what does not depend on it.
 """
 
 import ast
+import functools
 import hashlib
 import importlib
 import linecache
@@ -21,7 +22,7 @@ from typing import Any, NamedTuple
 
 from hpcpic.core.simd.compile import EVERY, generated, program_of
 
-_importing = threading.RLock()  # a thread finds no module that another one has half executed
+_importing = threading.RLock()  # a thread finds no module that another one has half made
 
 
 def module_from_source(source: str, stem: str) -> ModuleType:
@@ -62,11 +63,24 @@ def specialise(
     when it is asked for: it is compiled anew only where a constant differs that it reads, or what it calls. KeyError
     for an unknown constant.
     """
+    values = tuple((name, str(value)) for name, value in sorted(constants.items()))
+    with _importing:
+        return _specialised(package, tuple(stems), tuple(sorted((more or {}).items())), tuple(replaced), values)
+
+
+@functools.cache
+def _specialised(
+    package: str,
+    stems: tuple[str, ...],
+    more: tuple[tuple[str, str], ...],
+    replaced: tuple[str, ...],
+    constants: tuple[tuple[str, str], ...],
+) -> ModuleType:
     (folder,) = importlib.import_module(package).__path__
-    origin, unknown = dict[str, _File](), set(constants)
+    origin, unknown = dict[str, _File](), {name for name, _ in constants}
     for stem in stems:
-        text = (Path(folder) / f"{stem}.py").read_text(encoding="utf-8") + (more or {}).get(stem, "")
-        for name, value in constants.items():
+        text = (Path(folder) / f"{stem}.py").read_text(encoding="utf-8") + dict(more).get(stem, "")
+        for name, value in constants:
             text, found = re.subn(rf"^{name} = .*$", f"{name} = {value}", text, flags=re.M)
             unknown -= {name} if found else set()
         file = _File(stem, text, {f"{package}.{one}" for one in (*stems, *replaced)}, origin)
@@ -86,7 +100,8 @@ class _Kernels(ModuleType):
     def __getattr__(self, name: str) -> Any:
         if name not in self._origin:
             raise AttributeError(f"the kernels of {self.__name__} have no {name}")
-        return getattr(self._origin[name].module(name), name)
+        with _importing:
+            return getattr(self._origin[name].module(name), name)
 
 
 class _Statement(NamedTuple):
