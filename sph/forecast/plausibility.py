@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from hpcpic.core.case.config import Path
-from hpcpic.core.case.derived import Derived, Verdict
+from hpcpic.core.case.derived import Derived, Verdict, judged
 from sph.case import geometry
 from sph.case.config import AXES, SphConfig
 from sph.physics import stability
@@ -297,6 +297,13 @@ def openings(config: SphConfig, scene: Scene) -> Iterator[Derived]:
                               "the box", (*key, "low"))  # fmt: skip
         n = inlet.volume(config.simulation.end_time) * scene.rho0 / inlet.mass
         yield Derived(f"particles through {inlet.name}", "n", round(n))
+    if scene.inlets and not (config.outlet or config.domain.outflow):
+        full = (inlet for inlet in scene.inlets if not inlet.section.over_time("level"))  # of others some rows are dry
+        came = sum(inlet.volume(config.simulation.end_time) for inlet in full)
+        room = float(np.prod(scene.high - scene.low)) - scene.n_fluid * scene.spacing**config.dimensions
+        yield judged("fluid that comes in and stays", "V", came, unit=f"m{config.dimensions}", limit=f"<= {room:.3g}",
+                     ok=came <= room, source="room in the domain", key=("inlet",),
+                     cure="an outlet, domain.outflow, or a shorter run")  # fmt: skip
     for i, outlet in enumerate(config.outlet):
         dynamic = scene.rho0 * speed_scale(config) ** 2
         if outlet.level is None and dynamic and any(wall.solid for wall in config.wall):

@@ -213,6 +213,15 @@ def test_check_refuses_inlets_in_walls_and_beyond_the_speed_of_sound():
     assert verdicts["velocity of inlet_1"] == "fail" and verdicts["rows of inlet_1 in planes"] == "fail"
 
 
+@pytest.mark.parametrize(("speed", "verdict"), [(0.15, "ok"), (0.35, "fail")])
+def test_check_refuses_more_fluid_than_there_is_room_for(speed, verdict):
+    """0.3 m2 are free, the box of the inlet among them, and filled through 1 m for 1 s."""
+    tank = BED.replace(', "x+", "y+"', "") + inlet(f"velocity = {speed};", high=(0.12, 1.0))
+    settings = WATER | {"size": (1.0, 1.0), "fill": (1.0, 0.8), "more": tank.replace("0.6", "1.0")}
+    (found,) = (line for line in derived(config(text(**settings))) if line.name == "fluid that comes in and stays")
+    assert found.verdict == verdict and found.value == pytest.approx(speed)
+
+
 @pytest.mark.parametrize(("pressure", "kept"), [(0.0, False), (2000.0, True)])
 def test_a_stream_around_a_solid_needs_the_pressure_that_check_asks_for(pressure, kept):
     """Without it cavities open behind the solid, and 18 % of the fluid leaves in 4 s."""
