@@ -170,9 +170,8 @@ class Openings:
         x = (x - scene.low)[:, axes]
         mine = self.slabs.owner[self.slabs.grid.layer(x[:, 0])] == self.slabs.world.rank
         zeros, mass = np.zeros((scene.dimensions, len(rows))), np.full(len(rows), inlet.mass)
-        rest = self.mean[k, HEAD] + inlet.from_middle(inlet.rows[rows])
-        drho = scene.eos.excess_at_head(np.maximum(rest, 0.0) if inlet.has_surface else rest)
-        values = (x.T[:, mine], zeros[:, mine], drho[mine], mass[mine], ids[mine])
+        drho = self._excess(inlet, self.mean[k, HEAD], inlet.rows[rows[mine]])
+        values = (x.T[:, mine], zeros[:, mine], drho, mass[mine], ids[mine])
         self.storage.append(*values, FLUID | REAL | FLOWS)
 
     def _look(self, first: bool = False) -> None:
@@ -249,5 +248,9 @@ class Openings:
                 forward -= rate * (place.sign * (x[:, place.axis] - place.free) + 0.5 * scene.support)
             storage.v[along, slots] = place.sign * forward
             pressed = self._between(place, place.end, place.pressed)
-            rest = head + place.from_middle(storage.physical("x", pressed))
-            storage.drho[pressed] = scene.eos.excess_at_head(np.maximum(rest, 0.0) if place.has_surface else rest)
+            storage.drho[pressed] = self._excess(place, head, storage.physical("x", pressed))
+
+    def _excess(self, place: Place, head: float, x: NDArray) -> NDArray[np.float64]:
+        """rho - rho0 [n] at rest at x[n, d] in a box, for the head in its middle in m2/s2."""
+        rest = head + place.from_middle(x)
+        return self.scene.eos.excess_at_head(np.maximum(rest, 0.0) if place.has_surface else rest)
