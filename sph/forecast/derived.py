@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hpcpic.core.case.derived import Derived, Verdict, judged, rounded_down
+from hpcpic.core.case.derived import Derived, Verdict, rounded_down
 from sph.case import geometry
 from sph.case.config import WALL_PRESSURE, SphConfig
 from sph.forecast.plausibility import sensible
@@ -32,7 +32,6 @@ LONG_WAVES = (1.3, 1.5, 1.6, 1.7, 2.0), (6.5, 4.8, 3.5, 1.3, 0.1)  # the same of
 CORRECTED_WAVE = 1.5, 0.2  # h / dp from which it is so with corrected gradients: not measured below
 SHIFTED = 1.4  # h / dp, below which shifted particles are packed under gravity
 RATIO, MOST_RATIO = 100, 1000  # of densities or viscosities of liquids, which are noticed and refused
-SHAKEN = 50  # sqrt(H/g) after which what the symplectic step loses of the volume of sloshing water is told
 STRETCH = 0.1  # of the spacing along an edge, which is noticed
 CFL, STEP = ("simulation", "cfl"), ("simulation", "time_step")
 
@@ -72,13 +71,6 @@ def step(config: SphConfig) -> Iterator[Derived]:
         source = "level falls 2 %, bottom pressure 17 % in 8 s (measured)"
         key = ("numerics", "density_flux")
         yield Derived("time under the Rusanov flux", "T sqrt(g/H)", runs, "", "< 20", verdict, source, cure, key)
-    shaken = any(wall.motion and any(wall.motion.amplitude) for wall in config.wall)
-    if config.fluid and shaken and any(config.gravity) and simulation.integrator == "symplectic":
-        runs = simulation.end_time / settling(config)
-        source = "water shaken at resonance lost 4 % of its volume in 75, 7 % in 140 (measured)"
-        key, cure = ("simulation", "integrator"), 'integrator = "rk3-tvd" keeps it'
-        yield judged("time of shaken water", "T sqrt(g/H)", runs, limit=f"< {SHAKEN}", ok=runs < SHAKEN, legal=True,
-                     source=source, cure=cure, key=key)  # fmt: skip
 
 
 def courant(config: SphConfig, dt: float) -> Derived:

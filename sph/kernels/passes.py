@@ -179,7 +179,7 @@ class PassText:
         if self.one.wall and mixed:
             lines += ["repels = stands & (F != 0.0)", "if bitmask(repels) != 0:"]
             lines += [f"    {line}" for line in self._wall_force(known)]
-        return first + self._loads(mixed) + lines
+        return first + self._loads(mixed) * (not self.one.midway) + lines
 
     def _wall_pair(self) -> list[str]:
         """One vector of neighbours of a particle of a repulsive wall, to which all else gives nothing."""
@@ -188,7 +188,7 @@ class PassText:
 
     def _first(self, known: set[str], mixed: bool) -> list[str]:
         """What is found first: d and F, 0 between two that have nothing to do with each other."""
-        lines = self._distance() + self._prepared("F", known, mixed)
+        lines = self._distance(known, mixed) + self._prepared("F", known, mixed)
         if mixed:
             lines += ["kinds = load(I_, flags, j)", f"partners = (kinds | class_i) & {PARTNERS} == {PARTNERS}"]
             if self.one.films:
@@ -203,10 +203,13 @@ class PassText:
             lines += ["mass_j = select(stands, 0.0, mass_j)"]
         return lines + self._tuples("j")
 
-    def _distance(self) -> list[str]:
+    def _distance(self, known: set[str], mixed: bool) -> list[str]:
         read = "convert(F_, {a}_i - load(I_, {a}_, j))" if self.spec.single else "{a}_i - load(F_, {a}_, j)"
-        beyond = "beyond = load(F_, beyonds, LANES_ - min(end - j, LANES_))"
-        return [f"d = {_tuple(read.format(a=a) for a in self.spec.axes)}", beyond]
+        lines = [f"d = {_tuple(read.format(a=a) for a in self.spec.axes)}"]
+        if self.one.midway:
+            lines = [*lines, *self._prepared("dv", known, mixed), "d = terms.midway(d, dv, half_step)"]
+            lines = self._loads(mixed) + lines
+        return [*lines, "beyond = load(F_, beyonds, LANES_ - min(end - j, LANES_))"]
 
     def _parts(self) -> list[tuple[str, tuple[str, str], list[str]]]:
         """Every scalar sum: name, weights, and what they multiply."""

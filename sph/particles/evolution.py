@@ -52,9 +52,9 @@ class Evolution:
         self._evaluated_at = self.clock.step if start else -1
 
     def evaluate_rates(self) -> None:
-        """Find D of x and rho as in `evaluate_forces`, and the new v. Collective."""
+        """Find D of rho as in `evaluate_forces`, the new v, and x half a step of it later. Collective."""
         with self.timers.section("pairs"):
-            self.sums.rates(self.clock.step)
+            self.sums.rates(self.clock.step, self.clock.time_step)
             if self.openings:
                 self.openings.hold(False, self.sums.rate)
 

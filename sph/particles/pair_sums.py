@@ -12,7 +12,7 @@ from sph.kernels.groups import WallMotion
 from sph.particles.ghosts import Ghosts
 from sph.particles.tasks import Tasks
 from sph.physics.equation_of_state import coefficients
-from sph.physics.pair_spec import PairSpec, columns_of, passes_of, sums_of
+from sph.physics.pair_spec import NUMBERS, PairSpec, columns_of, passes_of, sums_of
 from sph.setup.pair_numbers import PairNumbers
 from sph.setup.scene import Scene
 
@@ -63,6 +63,7 @@ class PairSums:
         self.columns = columns_kernels(spec, scene.eos.gamma)
         known = PairNumbers(scene, spec)
         self._axes, self._of_moments = scene.axes, known.of_moments
+        self._half_steps = known.half_steps
         tasks.arena.group(walls=WallMotion)
         tasks.arena.set(
             scales=known.scales, liquids=scene.liquids.table, powers_of_pressure=coefficients(scene.eos.gamma),
@@ -123,8 +124,9 @@ class PairSums:
         if self.spec.shifting:
             self._unpack("first", "shifting")
 
-    def rates(self, iteration: int) -> None:
-        """Split scheme, second half: d rho / dt from x^n, rho^n and the new v."""
+    def rates(self, iteration: int, time_step: float) -> None:
+        """Split scheme, second half: d rho / dt from x half a step later, rho^n and the new v."""
+        self.tasks.arena["pair_numbers"][NUMBERS.index("half_step")] = self._half_steps * time_step
         self.ghosts.refresh(iteration)
         self._pack_again()
         self._sweep("second")

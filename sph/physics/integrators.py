@@ -20,7 +20,7 @@ class Evolving(Protocol):
         """Find a of y^n."""
 
     def evaluate_rates(self) -> None:
-        """Find D of x and rho as in `evaluate_forces`, and the new v."""
+        """Find D of rho as in `evaluate_forces`, the new v, and x half a step of it later."""
 
     def keep(self) -> None:
         """Remember y^n."""
@@ -69,7 +69,9 @@ def rk3_tvd(y: Evolving, choose_step: Callable[[], None]) -> None:
 
 
 def symplectic(y: Evolving, choose_step: Callable[[], None]) -> None:
-    """v = v + dt a(x, v, rho), then with the new v rho = rho + dt D(x, v, rho), x = x + dt v: two half evaluations."""
+    """v = v + dt a(x, v, rho), then with the new v rho = rho + dt D(x + dt v / 2, v, rho), x = x + dt v: two half
+    evaluations. With D of the old x, water that is stirred loses volume in proportion to the step.
+    """
     y.evaluate_forces()
     choose_step()
     y.kick()

@@ -12,7 +12,7 @@ AXES = "xyz"
 UNIT = 2.0**-24  # of fixed-point positions, in h
 NUMBERS = (
     "artificial", "viscous", "flux_strength", "gravityx", "gravityy", "gravityz", "reach", "per_w", "per_h", "eta2",
-    "core", "core_reach", "density", "hundredth", "fallx", "fally", "fallz",
+    "core", "core_reach", "density", "hundredth", "fallx", "fally", "fallz", "half_step",
 )  # fmt: skip
 VECTORS = ("v", "n", "g", "gravity", "fall", "force", "steps", "shifts", "arm", "moment1", "slope0")
 TRIANGLES = ("l", "t", "moments", "matrix", "slope1")  # symmetric matrices
@@ -138,7 +138,8 @@ class Pass:
 
     inside: fluid that meets nothing else takes part. by_volume: a body gives in proportion to its volume. films: of
     rigid bodies, measured solids and what is beside them takes part what lies on either side of a film of fluid, too
-    thin to bear all that they press on each other.
+    thin to bear all that they press on each other. midway: pairs are as far apart as half a step later, of those that
+    are near each other now.
     """
 
     lines: list[Line] = field(default_factory=list)
@@ -147,6 +148,7 @@ class Pass:
     inside: bool = True
     by_volume: bool = False
     films: bool = False
+    midway: bool = False
 
 
 def momentum(spec: PairSpec) -> Pass:
@@ -195,7 +197,7 @@ def continuity(spec: PairSpec) -> Pass:
     else:
         rates = terms.continuity_with_flux if flux.formula else terms.continuity
     sums = [Sum("rate", ("to_i", "to_j"), ("rate_i", "rate_j"))]
-    return Pass([*lines, Line("rate_i, rate_j", rates)], sums, by_volume=True)
+    return Pass([*lines, Line("rate_i, rate_j", rates)], sums, by_volume=True, midway=spec.split)
 
 
 def gradient(spec: PairSpec) -> Pass:
@@ -280,7 +282,8 @@ def joined(parts: list[Pass]) -> Pass:
     every = [(part.lines, part.sums, part.wall) for part in parts]
     lines, sums, wall = ([item for group in groups for item in group] for groups in zip(*every))
     inside, by_volume = any(part.inside for part in parts), all(part.by_volume for part in parts)
-    return Pass(lines, sums, wall, inside, by_volume, films=any(part.films for part in parts))
+    films, midway = any(part.films for part in parts), all(part.midway for part in parts)
+    return Pass(lines, sums, wall, inside, by_volume, films, midway)
 
 
 def sums_of(spec: PairSpec, one: Pass) -> list[str]:

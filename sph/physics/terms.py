@@ -54,6 +54,11 @@ def dv(v_i, v_j):
     return difference(v_i, v_j)
 
 
+def midway(d, dv, half_step):
+    """r_ij half a step later."""
+    return add_scaled(half_step, dv, d)
+
+
 def vd(dv, d):
     """v_ij . r_ij, negative where two bodies approach."""
     return dot(dv, d)

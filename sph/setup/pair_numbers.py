@@ -84,8 +84,8 @@ def pair_spec_of(config: SphConfig, others: bool, films: bool = False) -> PairSp
 class PairNumbers:
     """Arrays of a scene for kernels. Single precision has lengths in h UNIT, and units of c0, rho0 and rho0 h^d.
 
-    numbers: see NUMBERS; factors: what makes of sums a [m/s2] without gravity and
-    body force, with 1 / m, and d rho / dt [kg/m3 s].
+    numbers: see NUMBERS, with `half_step` for no step; half_steps: its value per s of a step; factors: what makes of
+    sums a [m/s2] without gravity and body force, with 1 / m, and d rho / dt [kg/m3 s].
     """
 
     def __init__(self, scene: Scene, spec: PairSpec) -> None:
@@ -96,6 +96,7 @@ class PairNumbers:
         self.length, self.speed = length / h, speed / c  # the units of pair sums in those of the scene
         self.density, self.mass = density / rho, mass / (rho * h**d)
         self.sums = SMOOTHING[scene.kernel].factor(d) * self.mass * self.length
+        self.half_steps = 0.5 * c / h * (self.speed / self.length)
 
     @property
     def scales(self) -> Scales:
@@ -145,6 +146,7 @@ class PairNumbers:
             "per_h": length,
             "eta2": 0.01 / (length * length),
             "density": 1.0 / self.density,
+            "half_step": 0.0,
             "hundredth": 0.01 / (smoothing.factor(d) * self.mass * length),
         } | {f"gravity{axis}": gravity[k] for k, axis in enumerate("xyz")}
         numbers |= {f"fall{axis}": fall[k] for k, axis in enumerate("xyz")}

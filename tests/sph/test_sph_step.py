@@ -56,15 +56,18 @@ def smooth(integrator, dt, periods=8):
     storage.set_own_values("v", 0.2 * np.sin(2 * np.pi * storage.own_values("x")))
     sph.sort()  # images see it
     run(sph, round(periods * 1e-3 / dt))
-    return np.concatenate([values.ravel() for values in by_id(sph, "x", "v", "drho")])
+    return np.concatenate([values.ravel() for values in by_id(sph, "x", "drho")])
 
 
-ORDERS = {"euler": 1, "symplectic": 1, "predictor-corrector": 1, "rk3-tvd": 3}
+ORDERS = {"euler": 1, "symplectic": 2, "predictor-corrector": 1, "rk3-tvd": 3}
+# of x and rho where nothing is accelerated at first: the velocities of "symplectic" are those of half a step before
 
 
 @pytest.mark.parametrize("integrator, order", ORDERS.items())
 def test_order_of_the_integrators(integrator, order):
-    """And all go to one solution: what first order leaves is as much as half the step changes."""
+    """And all go to one solution: what first order leaves is as much as half the step changes. The density dominates,
+    which makes volume; with distances of the start of a step "symplectic" has order 1.
+    """
     coarse, middle, fine = (smooth(integrator, dt) for dt in (5e-4, 2.5e-4, 1.25e-4))
     measured = np.log2(np.abs(coarse - middle).max() / np.abs(middle - fine).max())
     assert order - 0.2 < measured < order + 0.6  # the steps are not infinitely small

@@ -80,19 +80,6 @@ def test_the_sound_speed(factor, verdict):
 
 
 @pytest.mark.parametrize(
-    ("end", "integrator", "verdict"),
-    [(11.0, "symplectic", "ok"), (12.0, "symplectic", "warn"), (12.0, "rk3-tvd", None)],
-)
-def test_water_that_is_shaken_for_long_loses_volume_by_the_symplectic_step(end, integrator, verdict):
-    """50 sqrt(H/g) are 11.3 s."""
-    text = merged(TANK + f'simulation = {{ end_time = {end}; integrator = "{integrator}"; }};\n')
-    swings = " motion = { amplitude = [0.01, 0.0]; period = 1.0; }; } );"
-    tree = loads(text.replace('open = ["y+"]; }; }; } );', 'open = ["y+"]; }; };' + swings))
-    found = {number.name: number.verdict for number in derived(configure(tree))}
-    assert found.get("time of shaken water") == verdict
-
-
-@pytest.mark.parametrize(
     "ratio, kernel, verdict",
     [(0.6, "cubic", "fail"), (0.8, "cubic", "warn"), (1.2, "cubic", "ok"), (1.5, "cubic", "ok"),
      (2.0, "wendland2", "ok"), (3.0, "cubic", "warn")],
