@@ -12,7 +12,7 @@ AXES = "xyz"
 UNIT = 2.0**-24  # of fixed-point positions, in h
 NUMBERS = (
     "artificial", "viscous", "flux_strength", "gravityx", "gravityy", "gravityz", "reach", "per_w", "per_h", "eta2",
-    "core", "core_reach", "density", "hundredth", "fallx", "fally", "fallz", "half_step",
+    "core", "core_reach", "density", "hundredth", "fallx", "fally", "fallz", "half_step", "least",
 )  # fmt: skip
 VECTORS = ("v", "n", "g", "gravity", "fall", "force", "steps", "shifts", "arm", "moment1", "slope0")
 TRIANGLES = ("l", "t", "moments", "matrix", "slope1")  # symmetric matrices

@@ -94,12 +94,13 @@ def pressure(push_i, push_j):
     return push_i + push_j
 
 
-def kept_out(push, r, per_h, core_reach, core):
+def kept_out(push, r, per_h, core_reach, core, least):
     """At least the pressure of a stiff core, rho0 c0^2 (1 - r / (0.7 dp)), between fluid and a wall that follows it: a
     sheet of a few particles has no pressure by which such a wall would hold it. Fluid at rest is farther off, dp.
     With rigid bodies, and in 3D where h is large, it has `core` times that, and 0.9 dp: core_reach = 0.7 core h/0.9 dp.
+    At least `least` farther away: 0 where walls do not pull at fluid that leaves them, so that it thins.
     """
-    return maximum(push, core - r * per_h * core_reach * PER_CORE)
+    return maximum(push, maximum(core - r * per_h * core_reach * PER_CORE, least))
 
 
 def damping(artificial):

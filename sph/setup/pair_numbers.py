@@ -18,6 +18,7 @@ from sph.setup.scene import Scene
 
 NARROW_HOLDS = 1.5  # h / dp up to which a jet of c0 / 10 gets a spacing deep into a wall in 3D, not through it
 CORE_MIDDLE = 0.8  # spacings: between four particles of a wall, half way into their cores
+PULL = -1e30  # any: with rigid bodies, whose entry into water is then nearer to that measured; gases have p > -ambient
 WET = 0.3  # of the fluid that still water has before a wall; around a disc it is 0.45 or more
 
 
@@ -147,6 +148,7 @@ class PairNumbers:
             "eta2": 0.01 / (length * length),
             "density": 1.0 / self.density,
             "half_step": 0.0,
+            "least": PULL if self.spec.turning or self.spec.gases else 0.0,
             "hundredth": 0.01 / (smoothing.factor(d) * self.mass * length),
         } | {f"gravity{axis}": gravity[k] for k, axis in enumerate("xyz")}
         numbers |= {f"fall{axis}": fall[k] for k, axis in enumerate("xyz")}

@@ -157,8 +157,8 @@ def on_plate(world, n: int) -> np.ndarray:
 
 
 def test_a_jet_on_a_plate_presses_as_free_streamlines_have_it(world):
-    """The edges are missed: a wall pulls at what shoots past them. Measured over the whole plate -6.6, -4.9 and -3.0 %
-    with 20, 40 and 80 spacings, nearly all of it in the outer quarters; inside there is no more than noise.
+    """Measured over the whole plate -1.7, -3.1 and -1.4 % with 20, 40 and 80 spacings; -6, -10 and -6 % in the outer
+    quarters, which walls that pull at what shoots past their edges have at -33, -32 and -26 %.
     """
     x, p = theory.jet_on_plate(1.0)
     exact = np.diff(np.interp((0.0, 0.25, 0.5, 0.75, 1.0), x, theory.cumulative(x, p))) * 4
@@ -168,11 +168,11 @@ def test_a_jet_on_a_plate_presses_as_free_streamlines_have_it(world):
         whole, inner, outer = (found[a:b].mean() / exact[a:b].mean() - 1 for a, b in ((0, 4), (0, 3), (3, 4)))
         told(f"jet on a plate of {2 * n} spacings: pressure over theory - 1", whole, "5 %")
         told("... inner three quarters", inner, "3 %")
-        told("... outer quarters", outer, "")
+        told("... outer quarters", outer, "15 %")
         told("... outer twentieth, rho U^2 / 2", found[4], "0.30")
-        assert abs(inner) < 0.03
+        assert abs(inner) < 0.03 and abs(outer) < 0.15
         less.append(-whole)
-    assert less[2] < less[1] < less[0] < 0.08 and less[1] < 0.05
+    assert max(np.abs(less)) < 0.05 and abs(less[2]) < min(less[1], 0.03)
 
 
 BORE = """
