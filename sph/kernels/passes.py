@@ -87,6 +87,7 @@ class PassText:
     def __init__(self, spec: PairSpec, title: str, one: Pass) -> None:
         self.spec, self.title, self.one = spec, title, one
         self.sums = sums_of(spec, one)
+        self._of_walls = {part for each in one.sums if not each.among_fluid for part in spec.components(each.name)}
         self.columns = set[str]()  # that the text reads
         self._pair(mixed=True)  # finds them
 
@@ -171,9 +172,12 @@ class PassText:
         known = {*GIVEN, *NUMBERS, "gravity", "fall"}
         first = self._first(known, mixed)
         lines = [line for one in self.one.lines for line in self._line(one, known, mixed)]
-        for _, _, by in self.one.sums:
-            lines += [line for name in by for line in self._prepared(name, known, mixed)]
+        for one in self.one.sums:
+            if mixed or one.among_fluid:
+                lines += [line for name in one.terms for line in self._prepared(name, known, mixed)]
         for k, (name, to, factors) in enumerate(self._parts()):
+            if not mixed and name in self._of_walls:
+                continue
             lines.append(f"sum{k} = fma({to[0]}, {factors[0]}, sum{k})  # {name}")
             lines.append(f"store(sums{k}, j, fma({to[1]}, {factors[1]}, load(F_, sums{k}, j)))")
         if self.one.wall and mixed:
@@ -214,7 +218,7 @@ class PassText:
     def _parts(self) -> list[tuple[str, tuple[str, str], list[str]]]:
         """Every scalar sum: name, weights, and what they multiply."""
         found = []
-        for name, weights, by in self.one.sums:
+        for name, weights, by, _ in self.one.sums:
             parts = self.spec.components(name)
             for k, part in enumerate(parts):
                 found.append((part, weights, [f"{term}[{k}]" if len(parts) > 1 else term for term in by]))

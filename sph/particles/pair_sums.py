@@ -22,6 +22,7 @@ FIRST_SUMS = {
     "shifting": "shiftsx",
     "strain": "strainsxx",
     "walls": "weight",
+    "parted": "parted",
 }
 
 
@@ -130,6 +131,11 @@ class PairSums:
         self.ghosts.refresh(iteration)
         self._pack_again()
         self._sweep("second")
+        self._part("second")
+
+    def _part(self, title: str) -> None:
+        if self.spec.parting:
+            self._unpack(title, "parted")
 
     def matrices(self, iteration: int) -> None:
         """Renormalisation of the gradients at all bodies."""
@@ -180,5 +186,6 @@ class PairSums:
             self.ghosts.refresh(iteration)
             self._pack_again()
         self._sweep("both")
+        self._part("both")
         if self.spec.shifting:
             self._unpack("both", "shifting")

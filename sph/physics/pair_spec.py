@@ -12,7 +12,7 @@ AXES = "xyz"
 UNIT = 2.0**-24  # of fixed-point positions, in h
 NUMBERS = (
     "artificial", "viscous", "flux_strength", "gravityx", "gravityy", "gravityz", "reach", "per_w", "per_h", "eta2",
-    "core", "core_reach", "density", "hundredth", "fallx", "fally", "fallz", "half_step", "least",
+    "core", "core_reach", "density", "hundredth", "fallx", "fally", "fallz", "half_step",
 )  # fmt: skip
 VECTORS = ("v", "n", "g", "gravity", "fall", "force", "steps", "shifts", "arm", "moment1", "slope0")
 TRIANGLES = ("l", "t", "moments", "matrix", "slope1")  # symmetric matrices
@@ -42,6 +42,8 @@ class PairSpec:
     """Whether some of these turn."""
     films: bool = False
     """Whether some press on each other across a film of fluid."""
+    parting: bool = False
+    """Whether fluid in tension parts from such walls."""
     wetted: bool = False
     """Whether friction lacks a torque on those that turn, where they are wet (see particles.wall_forces)."""
     tensile: bool = False
@@ -125,11 +127,15 @@ class Line(NamedTuple):
 
 
 class Sum(NamedTuple):
-    """One sum over pairs: of i, weight[0] times term[0]; of j, weight[1] times term[1]; component by component."""
+    """One sum over pairs: of i, weight[0] times term[0]; of j, weight[1] times term[1]; component by component.
+
+    among_fluid: two particles of fluid are such a pair.
+    """
 
     name: str
     weights: tuple[str, str]
     terms: tuple[str, str]
+    among_fluid: bool = True
 
 
 @dataclass
@@ -196,8 +202,13 @@ def continuity(spec: PairSpec) -> Pass:
         rates = terms.continuity_by_mass_with_flux if flux.formula else terms.continuity_by_mass
     else:
         rates = terms.continuity_with_flux if flux.formula else terms.continuity
+    lines.append(Line("rate_i, rate_j", rates))
     sums = [Sum("rate", ("to_i", "to_j"), ("rate_i", "rate_j"))]
-    return Pass([*lines, Line("rate_i, rate_j", rates)], sums, by_volume=True, midway=spec.split)
+    if spec.parting:
+        with_walls = AT_FOLLOWING_WALLS._replace(elsewhere="zero")
+        lines += [Line("parted_i", terms.parted_i, with_walls), Line("parted_j", terms.parted_j, with_walls)]
+        sums.append(Sum("parted", ("to_i", "to_j"), ("parted_i", "parted_j"), among_fluid=False))
+    return Pass(lines, sums, by_volume=True, midway=spec.split)
 
 
 def gradient(spec: PairSpec) -> Pass:

@@ -94,13 +94,12 @@ def pressure(push_i, push_j):
     return push_i + push_j
 
 
-def kept_out(push, r, per_h, core_reach, core, least):
+def kept_out(push, r, per_h, core_reach, core):
     """At least the pressure of a stiff core, rho0 c0^2 (1 - r / (0.7 dp)), between fluid and a wall that follows it: a
     sheet of a few particles has no pressure by which such a wall would hold it. Fluid at rest is farther off, dp.
     With rigid bodies, and in 3D where h is large, it has `core` times that, and 0.9 dp: core_reach = 0.7 core h/0.9 dp.
-    At least `least` farther away: 0 where walls do not pull at fluid that leaves them, so that it thins.
     """
-    return maximum(push, maximum(core - r * per_h * core_reach * PER_CORE, least))
+    return maximum(push, core - r * per_h * core_reach * PER_CORE)
 
 
 def damping(artificial):
@@ -308,6 +307,16 @@ def continuity_by_mass(excess_i, excess_j, density, vd_i, vd_j):
 def continuity_by_mass_with_flux(excess_i, excess_j, density, vd_i, vd_j, flux):
     """(SC 3) less a flux of density from i to j."""
     return fma(excess_j + density, vd_i, -flux), fma(excess_i + density, vd_j, flux)
+
+
+def parted_i(rate_i):
+    """The rate by a wall: where a wall lets go of fluid in tension, that is no stretch (columns.unpack_parted)."""
+    return rate_i
+
+
+def parted_j(rate_j):
+    """As `parted_i`."""
+    return rate_j
 
 
 def d_rho(excess_i, excess_j):

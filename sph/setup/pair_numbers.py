@@ -18,7 +18,6 @@ from sph.setup.scene import Scene
 
 NARROW_HOLDS = 1.5  # h / dp up to which a jet of c0 / 10 gets a spacing deep into a wall in 3D, not through it
 CORE_MIDDLE = 0.8  # spacings: between four particles of a wall, half way into their cores
-PULL = -1e30  # any: with rigid bodies, whose entry into water is then nearer to that measured; gases have p > -ambient
 WET = 0.3  # of the fluid that still water has before a wall; around a disc it is 0.45 or more
 
 
@@ -76,6 +75,8 @@ def pair_spec_of(config: SphConfig, others: bool, films: bool = False) -> PairSp
         ),
         turning=any(wall.body for wall in config.wall),
         films=films or any(rule.extrapolated and wall.body for rule, wall in zip(rules, config.wall)),
+        parting=any(rule.extrapolated for rule in rules)
+        and not (liquids.gases or any(wall.body for wall in config.wall)),
         wetted=viscous
         and VISCOSITIES[form].along_velocity
         and any(wall.body and not rule.slips for rule, wall in zip(rules, config.wall)),
@@ -148,7 +149,6 @@ class PairNumbers:
             "eta2": 0.01 / (length * length),
             "density": 1.0 / self.density,
             "half_step": 0.0,
-            "least": PULL if self.spec.turning or self.spec.gases else 0.0,
             "hundredth": 0.01 / (smoothing.factor(d) * self.mass * length),
         } | {f"gravity{axis}": gravity[k] for k, axis in enumerate("xyz")}
         numbers |= {f"fall{axis}": fall[k] for k, axis in enumerate("xyz")}
