@@ -199,15 +199,6 @@ def unpack_walls(block, blocks, base, scales, at, flags, key, walls, x, sums, dr
 
 
 @njit
-def unpack_parted(block, blocks, base, factors, at, values, sums):
-    """Take what walls stretch fluid in tension by out of its rate, the sum before: it parts from them."""
-    for l in range(blocks[block], blocks[block + 1]):
-        for b in range(np.uint64(base[l]), np.uint64(base[l + 1])):
-            if values[PUSH, b] < 0.0 and sums[at, b] * factors[1] < 0.0:
-                sums[at - 1, b] -= sums[at, b]
-
-
-@njit
 def unpack_wetted(block, blocks, base, scales, at, first, sums, wetted):
     """mu / mu0 of the fluid before particles of walls, 0 where there is little; first: the sum of weights."""
     for l in range(blocks[block], blocks[block + 1]):

@@ -19,6 +19,8 @@ NORMAL = 17  # flags >> this: number of the normal of a repulsive particle
 
 LIQUID = NORMAL  # flags >> this: number of the liquid of fluid (physics.liquids)
 
+EDGE = 1 << 29  # of a wall whose density follows from the fluid before it: near an edge, in scenes of one liquid
+
 CODES = 64
 WALL_BITS = 50  # number >> this: number of the wall + 1, 0 for fluid
 WALL_SHIFT = WALL_BITS + 6  # key >> this: the same

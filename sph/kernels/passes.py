@@ -20,7 +20,7 @@ import numpy as np
 from hpcpic.core.simd.compile import formula, formulas
 from hpcpic.core.simd.generate import module_from_source
 from hpcpic.core.simd.vector import lanes
-from sph.kernels.marks import EXTRAPOLATED, FLOWS, PARTNERS, PLAIN, REPULSIVE, SLIPS
+from sph.kernels.marks import EDGE, EXTRAPOLATED, FLOWS, PARTNERS, PLAIN, REPULSIVE, SLIPS
 from sph.physics import terms, vectors
 from sph.physics.pair_spec import NUMBERS, Line, PairSpec, Pass, columns_of, passes_of, state_of, sums_of
 from sph.physics.smoothing import SMOOTHING
@@ -37,6 +37,7 @@ GIVEN = ("d", "n", "beyond", "solid_i", "solid_j")  # that the loops compute
 MASKS = {"both_flow": f"kinds & class_i & {FLOWS} == {FLOWS}"}  # of pairs, by their flags (see `Pairs`)
 WALL_MASKS = {  # the same, in cases with walls that follow the fluid
     "one_follows": f"(kinds ^ class_i) & {EXTRAPOLATED} != 0",
+    "at_edges": f"(kinds | class_i) & {EDGE} != 0",
     "one_sticks": f"(kinds ^ class_i) & {EXTRAPOLATED | SLIPS} == {EXTRAPOLATED}",
     "none_slips": f"(kinds | class_i) & {SLIPS} | (kinds & class_i) & {EXTRAPOLATED} == 0",
 }
@@ -87,7 +88,6 @@ class PassText:
     def __init__(self, spec: PairSpec, title: str, one: Pass) -> None:
         self.spec, self.title, self.one = spec, title, one
         self.sums = sums_of(spec, one)
-        self._of_walls = {part for each in one.sums if not each.among_fluid for part in spec.components(each.name)}
         self.columns = set[str]()  # that the text reads
         self._pair(mixed=True)  # finds them
 
@@ -172,12 +172,9 @@ class PassText:
         known = {*GIVEN, *NUMBERS, "gravity", "fall"}
         first = self._first(known, mixed)
         lines = [line for one in self.one.lines for line in self._line(one, known, mixed)]
-        for one in self.one.sums:
-            if mixed or one.among_fluid:
-                lines += [line for name in one.terms for line in self._prepared(name, known, mixed)]
+        for _, _, by in self.one.sums:
+            lines += [line for name in by for line in self._prepared(name, known, mixed)]
         for k, (name, to, factors) in enumerate(self._parts()):
-            if not mixed and name in self._of_walls:
-                continue
             lines.append(f"sum{k} = fma({to[0]}, {factors[0]}, sum{k})  # {name}")
             lines.append(f"store(sums{k}, j, fma({to[1]}, {factors[1]}, load(F_, sums{k}, j)))")
         if self.one.wall and mixed:
@@ -218,7 +215,7 @@ class PassText:
     def _parts(self) -> list[tuple[str, tuple[str, str], list[str]]]:
         """Every scalar sum: name, weights, and what they multiply."""
         found = []
-        for name, weights, by, _ in self.one.sums:
+        for name, weights, by in self.one.sums:
             parts = self.spec.components(name)
             for k, part in enumerate(parts):
                 found.append((part, weights, [f"{term}[{k}]" if len(parts) > 1 else term for term in by]))

@@ -22,7 +22,6 @@ FIRST_SUMS = {
     "shifting": "shiftsx",
     "strain": "strainsxx",
     "walls": "weight",
-    "parted": "parted",
 }
 
 
@@ -131,11 +130,6 @@ class PairSums:
         self.ghosts.refresh(iteration)
         self._pack_again()
         self._sweep("second")
-        self._part("second")
-
-    def _part(self, title: str) -> None:
-        if self.spec.parting:
-            self._unpack(title, "parted")
 
     def matrices(self, iteration: int) -> None:
         """Renormalisation of the gradients at all bodies."""
@@ -186,6 +180,5 @@ class PairSums:
             self.ghosts.refresh(iteration)
             self._pack_again()
         self._sweep("both")
-        self._part("both")
         if self.spec.shifting:
             self._unpack("both", "shifting")

@@ -7,10 +7,11 @@ from numpy.typing import NDArray
 
 from hpcpic.core.errors import Diverged
 from hpcpic.core.space.products import product
-from sph.kernels.marks import EXTRAPOLATED, NORMAL, REAL, REPULSIVE, SLIPS, SOLID, WALL_BITS
+from sph.kernels.marks import EDGE, EXTRAPOLATED, NORMAL, REAL, REPULSIVE, SLIPS, SOLID, WALL_BITS
 from sph.particles.slabs import Slabs
 from sph.particles.storage import Storage
 from sph.particles.tasks import Tasks
+from sph.setup.edges import at_edges
 from sph.setup.particle_lattices import whole_steps
 from sph.setup.scene import AHEAD, Scene, Wall
 
@@ -157,7 +158,12 @@ class Walls:
         kinds |= [(wall.index + 1) << SOLID if wall.presses else 0 for wall in scene.walls]
         mass = np.full(len(ids), scene.rho0 * scene.spacing**scene.dimensions)
         v = self.velocity[index][:, list(scene.axes)].T
-        storage.append(x, v, drho, mass, ids, kinds[index] | scene.normal_of(ids) << NORMAL)
+        flags = kinds[index] | scene.normal_of(ids) << NORMAL
+        for wall in self.walls:
+            if wall.rule.has_edges(bool(wall.rigid), scene.liquids):
+                own = np.flatnonzero(index == wall.index)
+                flags[own] |= EDGE * at_edges(scene, wall, wall.at(ids[own])[0])
+        storage.append(x, v, drho, mass, ids, flags)
 
     def carry(self, time: float, tasks: Tasks, carry: Callable) -> None:
         """Move the wall particles to where their walls are at `time`, by the kernel `carry`."""

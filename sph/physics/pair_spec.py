@@ -42,8 +42,8 @@ class PairSpec:
     """Whether some of these turn."""
     films: bool = False
     """Whether some press on each other across a film of fluid."""
-    parting: bool = False
-    """Whether fluid in tension parts from such walls."""
+    edges: bool = False
+    """Whether such walls have edges."""
     wetted: bool = False
     """Whether friction lacks a torque on those that turn, where they are wet (see particles.wall_forces)."""
     tensile: bool = False
@@ -115,6 +115,7 @@ ALL = Pairs("")
 OF_FLUID = Pairs("both_flow", elsewhere="zero")
 WITHOUT_SLIP = Pairs("none_slips", elsewhere="zero")
 AT_FOLLOWING_WALLS = Pairs("one_follows", among_fluid=False)  # walls whose density follows from the fluid
+AT_EDGES = Pairs("at_edges", among_fluid=False)  # of walls whose density follows from the fluid
 AT_STICKING_WALLS = Pairs("one_sticks", among_fluid=False)  # these without slip
 
 
@@ -127,15 +128,11 @@ class Line(NamedTuple):
 
 
 class Sum(NamedTuple):
-    """One sum over pairs: of i, weight[0] times term[0]; of j, weight[1] times term[1]; component by component.
-
-    among_fluid: two particles of fluid are such a pair.
-    """
+    """One sum over pairs: of i, weight[0] times term[0]; of j, weight[1] times term[1]; component by component."""
 
     name: str
     weights: tuple[str, str]
     terms: tuple[str, str]
-    among_fluid: bool = True
 
 
 @dataclass
@@ -161,6 +158,7 @@ def momentum(spec: PairSpec) -> Pass:
     """Forces of pressure and viscosity on i and j, which are opposite."""
     viscosity = spec.viscosity
     lines = [Line("push", terms.pressure), Line("push", terms.kept_out, AT_FOLLOWING_WALLS)]
+    lines += [Line("push", terms.let_go, AT_EDGES)] * spec.edges
     if spec.artificial:
         damping = terms.damping_between if spec.densities else terms.damping
         lines += [Line("damping", damping, WITHOUT_SLIP), Line("push", terms.artificial_viscosity)]
@@ -202,13 +200,8 @@ def continuity(spec: PairSpec) -> Pass:
         rates = terms.continuity_by_mass_with_flux if flux.formula else terms.continuity_by_mass
     else:
         rates = terms.continuity_with_flux if flux.formula else terms.continuity
-    lines.append(Line("rate_i, rate_j", rates))
     sums = [Sum("rate", ("to_i", "to_j"), ("rate_i", "rate_j"))]
-    if spec.parting:
-        with_walls = AT_FOLLOWING_WALLS._replace(elsewhere="zero")
-        lines += [Line("parted_i", terms.parted_i, with_walls), Line("parted_j", terms.parted_j, with_walls)]
-        sums.append(Sum("parted", ("to_i", "to_j"), ("parted_i", "parted_j"), among_fluid=False))
-    return Pass(lines, sums, by_volume=True, midway=spec.split)
+    return Pass([*lines, Line("rate_i, rate_j", rates)], sums, by_volume=True, midway=spec.split)
 
 
 def gradient(spec: PairSpec) -> Pass:

@@ -102,6 +102,11 @@ def kept_out(push, r, per_h, core_reach, core):
     return maximum(push, core - r * per_h * core_reach * PER_CORE)
 
 
+def let_go(push):
+    """No pull: an edge lets go of fluid, which it seems to stretch, as it stays behind."""
+    return maximum(push, 0.0)
+
+
 def damping(artificial):
     """- alpha c0 h / 2 of the artificial viscosity."""
     return artificial
@@ -307,16 +312,6 @@ def continuity_by_mass(excess_i, excess_j, density, vd_i, vd_j):
 def continuity_by_mass_with_flux(excess_i, excess_j, density, vd_i, vd_j, flux):
     """(SC 3) less a flux of density from i to j."""
     return fma(excess_j + density, vd_i, -flux), fma(excess_i + density, vd_j, flux)
-
-
-def parted_i(rate_i):
-    """The rate by a wall: where a wall lets go of fluid in tension, that is no stretch (columns.unpack_parted)."""
-    return rate_i
-
-
-def parted_j(rate_j):
-    """As `parted_i`."""
-    return rate_j
 
 
 def d_rho(excess_i, excess_j):

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from sph.physics.liquids import Liquids
+
 
 @dataclass(frozen=True)
 class WallRule:
@@ -25,6 +27,11 @@ class WallRule:
     def images(self) -> bool:
         """Whether such a wall shows images of the fluid."""
         return self.face_images or self.layer_images
+
+    def has_edges(self, rigid: bool, liquids: Liquids) -> bool:
+        """Whether its edges let go of fluid (terms.let_go): not those of rigid bodies, nor among several fluids."""
+        several = liquids.densities or liquids.viscosities or liquids.gases
+        return self.extrapolated and not rigid and not several
 
     @property
     def flat(self) -> bool:

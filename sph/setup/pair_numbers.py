@@ -75,8 +75,7 @@ def pair_spec_of(config: SphConfig, others: bool, films: bool = False) -> PairSp
         ),
         turning=any(wall.body for wall in config.wall),
         films=films or any(rule.extrapolated and wall.body for rule, wall in zip(rules, config.wall)),
-        parting=any(rule.extrapolated for rule in rules)
-        and not (liquids.gases or any(wall.body for wall in config.wall)),
+        edges=any(rule.has_edges(bool(wall.body), liquids) for rule, wall in zip(rules, config.wall)),
         wetted=viscous
         and VISCOSITIES[form].along_velocity
         and any(wall.body and not rule.slips for rule, wall in zip(rules, config.wall)),

@@ -122,10 +122,10 @@ def test_a_flat_front_sounds_as_in_linear_theory_and_then_brings_its_momentum(wo
 
 
 PLATE = """
-simulation = {{ dimensions = 2; end_time = 1.0; }};
+simulation = {{ dimensions = 2; end_time = 1.0; random_seed = {seed}; }};
 domain = {{ low = [-1.6, -0.6]; high = [1.2, 0.6]; }};
 eos = {{ sound_speed = 10.0; max_velocity = 1.0; }};
-fluid = ( {{ name = "jet"; velocity = [1.0, 0.0]; initial_pressure = "zero";
+fluid = ( {{ name = "jet"; velocity = [1.0, 0.0]; initial_pressure = "zero"; disorder = 0.1;
     shape = {{ box = {{ low = [-1.4, -0.1]; high = [0.0, 0.1]; }}; }}; }} );
 numerics = {{ spacing = {dp}; }};
 wall = ( {{ name = "plate"; solid = true; shape = {{ box = {{ low = [0.0, -0.1]; high = [0.05, 0.1]; }}; }}; }} );
@@ -134,7 +134,7 @@ output = {{ period = {{ series = 0.0; }}; }};
 """
 
 
-def on_plate(world, n: int) -> np.ndarray:
+def on_plate(world, n: int, seed: int) -> np.ndarray:
     """Mean pressures over rho U^2 / 2 on the quarters of one half of a plate of 2 n spacings, from its middle on, while
     a jet as wide as the plate stands on it; the last one is that of the outer twentieth.
     """
@@ -144,7 +144,7 @@ def on_plate(world, n: int) -> np.ndarray:
         size = [0.0, {0.1 * (b - a)}]; }}""" for k, (a, b) in enumerate(parts))  # fmt: skip
     pool, began = Pool(1), None
     try:
-        app = Sph(configure(loads(PLATE.format(dp=0.1 / n, sensors=sensors))), world, pool, Timers())
+        app = Sph(configure(loads(PLATE.format(dp=0.1 / n, sensors=sensors, seed=seed))), world, pool, Timers())
         while app.time < app.end_time:
             app.step()
             if began is None and app.time >= 0.4:
@@ -157,22 +157,20 @@ def on_plate(world, n: int) -> np.ndarray:
 
 
 def test_a_jet_on_a_plate_presses_as_free_streamlines_have_it(world):
-    """Measured over the whole plate -5.4, -2.6 and -2.0 % with 20, 40 and 80 spacings; in the outer quarters -18, -10
-    and -8 %, which is -33, -32 and -26 % where fluid that slides off an edge counts as stretched.
+    """Measured over the whole plate -1.2, -1.0 and 0.0 % with 20, 40 (means of three seeds) and 80 spacings; in the
+    outer quarters -9, -9 and -6 %, where edges pull -29, -29 and -26 %. From a perfect lattice -2.8, -5.3 and -2.6 %,
+    and 3 % up or down with another sound speed: a flush front slams.
     """
     x, p = theory.jet_on_plate(1.0)
     exact = np.diff(np.interp((0.0, 0.25, 0.5, 0.75, 1.0), x, theory.cumulative(x, p))) * 4
-    less = []
-    for n in (10, 20, 40):
-        found = on_plate(world, n)
+    for n, seeds in ((10, (1, 2, 3)), (20, (1, 2, 3)), (40, (1,))):
+        found = np.mean([on_plate(world, n, seed) for seed in seeds], axis=0)
         whole, inner, outer = (found[a:b].mean() / exact[a:b].mean() - 1 for a, b in ((0, 4), (0, 3), (3, 4)))
-        told(f"jet on a plate of {2 * n} spacings: pressure over theory - 1", whole, "5 %")
+        told(f"jet on a plate of {2 * n} spacings: pressure over theory - 1", whole, "3 %")
         told("... inner three quarters", inner, "3 %")
-        told("... outer quarters", outer, "20 %, falling with dp")
-        told("... outer twentieth, rho U^2 / 2", found[4], "0.30")
-        assert abs(inner) < 0.03 and abs(outer) < 0.2
-        less.append(-whole)
-    assert less[2] < less[1] < less[0] < 0.06 and less[1] < 0.05
+        told("... outer quarters", outer, "15 %")
+        told("... outer twentieth, rho U^2 / 2", found[4], "0.30, within 0.1")
+        assert abs(whole) < 0.03 and abs(inner) < 0.03 and abs(outer) < 0.15 and abs(found[4] - 0.3) < 0.1
 
 
 BORE = """

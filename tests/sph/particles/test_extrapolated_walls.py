@@ -151,8 +151,8 @@ def test_a_jet_does_not_enter_a_wall_between_four_of_its_particles(smoothing):
 
 @pytest.mark.parametrize("smoothing", [1.3, 1.5, 2.0])
 def test_a_sheet_that_slides_off_a_plate_goes_straight_on(smoothing):
-    """Ten layers, without gravity. What it leaves behind of the plate is no stretch: with that its tension pulled it
-    round the edge, at 0.04 to 0.06 of its speed, and spread it by a spacing and a half.
+    """Ten layers, without gravity. What it leaves behind of the plate counts as a stretch; where edges pull by that,
+    they take it round, at 0.04 to 0.06 of its speed, and spread it by a spacing and a half.
     """
     plate = "wall = ( { solid = true; shape = { box = { low = [0.1, 0.1]; high = [1.3, 0.3]; }; }; } );"
     sheet = {"low": (0.3, 0.3), "fill": (1.1, 0.5), "velocity": (1.0, 0.0), "gravity": (0.0, 0.0), "pressure": "zero"}
@@ -162,5 +162,5 @@ def test_a_sheet_that_slides_off_a_plate_goes_straight_on(smoothing):
         sph.step()
     x, v = (sph.storage.physical(name, sph.storage.fluid_slots) for name in ("x", "v"))
     past = x[:, 0] > 1.35
-    assert np.count_nonzero(past) > 100 and abs(v[past, 1].mean()) < 0.025
+    assert np.count_nonzero(past) > 100 and abs(v[past, 1].mean()) < 0.03
     assert np.ptp(x[past, 1]) == pytest.approx(9 * 0.02, abs=0.01)  # half a spacing
