@@ -11,8 +11,8 @@ from sph.kernels.marks import EDGE, EXTRAPOLATED, NORMAL, REAL, REPULSIVE, SLIPS
 from sph.particles.slabs import Slabs
 from sph.particles.storage import Storage
 from sph.particles.tasks import Tasks
-from sph.setup.edges import at_edges
 from sph.setup.particle_lattices import whole_steps
+from sph.setup.rigid.edges import at_edges
 from sph.setup.scene import AHEAD, Scene, Wall
 
 Corners = tuple[NDArray[np.float64], NDArray[np.float64]]

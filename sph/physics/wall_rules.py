@@ -29,7 +29,7 @@ class WallRule:
         return self.face_images or self.layer_images
 
     def has_edges(self, rigid: bool, liquids: Liquids) -> bool:
-        """Whether its edges let go of fluid (terms.let_go): not those of rigid bodies, nor among several fluids."""
+        """Edges of such a wall let go of fluid (terms.let_go): not those of rigid bodies, nor among several fluids."""
         several = liquids.densities or liquids.viscosities or liquids.gases
         return self.extrapolated and not rigid and not several
 

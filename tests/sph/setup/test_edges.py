@@ -6,7 +6,7 @@ from sph_scenes import config, layers, text
 
 from hpcpic.core.case.config import loads
 from sph.configure import configure
-from sph.setup.edges import at_edges, places
+from sph.setup.rigid.edges import at_edges, places
 from sph.setup.scene import Scene
 
 
