@@ -24,6 +24,7 @@ from sph.setup.tanks import depth_in, depth_in_wall, open_sides
 
 DENSE, DENSER = 0.02, 0.1  # rho / rho0 - 1 at rest, which are noticed and refused
 MOST_STEPS = 1e9  # 11 days at a millisecond a step
+STRONGEST = 100.0  # m/s2 of gravity; beyond, of a centrifuge, or in other units
 LEAST_ACROSS = 5  # particles, of which the kernel reaches over most
 LIGHTEST = 0.03  # mass of a body over that of it and a layer of fluid
 PUSH = (1.3, 1.6, 2.0), (0.11, 0.035, 0.006)  # by h/dp: C_d that a pressure of rho v^2 adds to a cylinder's, which is 2
@@ -78,9 +79,13 @@ def steps(config: SphConfig) -> Iterator[Derived]:
 
 
 def directions(config: SphConfig) -> Iterator[Derived]:
-    """Where gravity points."""
+    """How strong gravity is, and where it points."""
     up, g = config.dimensions - 1, config.gravity
     key: Path = ("gravity",)
+    if math.hypot(*g) > STRONGEST:
+        cure = f"gravity = [{', '.join(f'{value / 100:g}' for value in g)}], if this is in cm/s2"
+        yield Derived("gravity", "|g|", math.hypot(*g), "m/s2", f"<= {STRONGEST:g}", "warn", "ten times that of the Earth",
+                      cure, key)  # fmt: skip
     if g[up] > 0:
         down = [*(f"{value:g}" for value in g[:up]), f"{-g[up]:g}"]
         yield Derived(f"gravity along {AXES[up]}", "", g[up], "m/s2", "<= 0", "fail", f"{AXES[up]} is up",

@@ -97,6 +97,7 @@ def _tell(folder: str, what: str, outcomes: Mapping[str, Path | Exception]) -> N
     from hpcpic.core.app.figures import NoData, NotInScene
 
     failed: list[Exception] = []
+    missing: dict[str, list[str]] = {}  # why -> figures
     for name, outcome in outcomes.items():
         if isinstance(outcome, Path):
             continue
@@ -106,7 +107,9 @@ def _tell(folder: str, what: str, outcomes: Mapping[str, Path | Exception]) -> N
         elif what != "all":
             raise FileError(f"{folder}: cannot draw {name}: {outcome}") from outcome
         elif not isinstance(outcome, NotInScene):
-            click.echo(f"left out {name}: {outcome}", err=True)
+            missing.setdefault(str(outcome), []).append(name)
+    for why, names in missing.items():
+        click.echo(f"left out {', '.join(names)}: {why}", err=True)
     if failed:
         raise failed[0]
     if not count_of(outcomes):

@@ -60,6 +60,7 @@ def surface(z):
          {"eos": "{ sound_speed = 0.01; max_velocity = 0.001; }"}),
         ("density of water at rest at its bottom", "ok", {"fluid": surface(0.6)}),
         ("density of water at rest at its bottom", "fail", {"fluid": surface(300.0)}),
+        ("gravity", "warn", {"gravity": "[0.0, -981.0]"}),
         ("gravity along y", "fail", {"gravity": "[0.0, 9.81]"}),
         ("gravity along the periodic x", "fail",
          {"gravity": "[1.0, -9.81]", "domain": '{ low = [0.0, 0.0]; high = [1.0, 1.0]; periodic = ["x"]; }'}),
