@@ -9,5 +9,6 @@ SPARSE_BLOCK = 16  # vectors that list together where else they read, where flui
 GAINS = 7  # of a body from its links: force, torque, and the mass that the fluid gains
 GRAINS_OF_ONE_THREAD = 500  # grains per thread up to which one thread does all substeps in one call
 MAX_REPLICATED = 512  # grains, at most, that all ranks hold
+STEPS_OWED = 20  # after which the fluid gets back the mass that moving grains have taken: a pass over all nodes
 STEPS_PER_CALL = 256  # steps of grains alone in one call: short enough to hear signals
 PAIRS_PER_GRAIN = {2: 3, 3: 6}  # near enough to be listed, in a dense packing

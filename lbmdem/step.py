@@ -106,7 +106,7 @@ class LbmDem:
         """The fluid, at rest."""
         scene, config = self.scene, self.scene.config
         forced = any(fluid.body_force) or config.shaking is not None
-        return Fluid(
+        made = Fluid(
             self.world, self.pool, self.domain, LATTICES[scene.lattice],
             tau=scene.tau,
             collision=fluid.collision,
@@ -116,6 +116,10 @@ class LbmDem:
             blocks=config.simulation.blocks,
             faces={name: Face(face.kind, face.density, face.velocity) for name, face in scene.faces.items()},
         )  # fmt: skip
+        for name, face in scene.faces.items():
+            if face.profile != "uniform":
+                made.set_face(name, velocity=scene.inflow(name, self.coordinates()))
+        return made
 
     def _fill(self, fluid: Fluid, stays: bool) -> None:
         """The flow at the start. stays: no solid in it ever moves."""
@@ -137,6 +141,7 @@ class LbmDem:
     def _immersed(self, fluid: Fluid) -> Immersed:
         """The solids of the fluid: obstacles, and grains, of which those that stay are linked once."""
         coupling, table, units = self.scene.config.coupling, self.table, self.scene.units
+        assert coupling.refill is not None  # as in every completed case
         ids = np.flatnonzero(table.fixed | coupling.frozen)
         return Immersed(
             fluid, self.world, self.pool,

@@ -168,14 +168,15 @@ def permeability(run: Run, step: int | None = None) -> Figure:
 
 
 def mass(run: Run, step: int | None = None) -> Figure:
-    """Relative change of the mass of the fluid, and the largest Mach number."""
+    """Relative change of the mass of the fluid, of its mean density where grains move, and the largest Mach number."""
     if config_of(run).fluid is None:
         raise NotInScene("there is no fluid")
-    t, m, mach = columns_of(run, "mass", "max_mach")
+    name = "mean_density" if "mean_density" in series_of(run) else "mass"
+    words, (t, m, mach) = name.replace("_", " "), columns_of(run, name, "max_mach")
     with style():
         figure, (top, low) = new_figure(2, 1, (6.0, 4.2), sharex=True)
         top.plot(*thinned(t, m / m[0] - 1.0), color=COLOURS[2])
-        top.set(ylabel="change of mass", title="Mass and Mach number")
+        top.set(ylabel=f"change of {words}", title=f"{words.capitalize()} and Mach number")
         low.plot(*thinned(t, mach), color=COLOURS[1])
         low.set(xlabel="time, s", ylabel="largest Mach number", ylim=(0, None))
         return figure

@@ -92,6 +92,9 @@ class Boundary(Section):
     velocity: Vector = setting(
         (), 'of the wall, or of the fluid through a "velocity" face, with which all fluid starts along its axis', "m/s"
     )
+    profile: Literal["uniform", "parabolic"] = setting(
+        "uniform", 'type "velocity": of the velocity between walls, of which `velocity` is the mean'
+    )
 
 
 class PlaneShape(Section):
@@ -209,11 +212,12 @@ class Coupling(Section):
         "cli", "wall rule: cli (parametrised linear), interpolated (Bouzidi's linear [6]), quadratic (Bouzidi's), "
         "halfway, or one of your own"
     )
-    refill: Literal["average", "local", "non-equilibrium", "mass-conserving", "conserving"] = setting(
-        "local", "populations of uncovered nodes: equilibrium with the mean density (average, the paper) or the "
+    refill: Literal["average", "local", "non-equilibrium", "mass-conserving", "conserving"] | None = setting(
+        None, "populations of uncovered nodes: equilibrium with the mean density (average, the paper) or the "
         "neighbours'. In a closed box average, local and non-equilibrium lose mass (measured: 1.4e-3 in 2 s, 1e-2 in "
         "0.3 s); mass-conserving is local and gives it back evenly; conserving counts momentum too, by whole nodes, "
-        "which slows a grain that a stream carries by 1 to 3 % and turns it"
+        "which slows a grain that a stream carries by 1 to 3 % and turns it. By default mass-conserving where grains "
+        "move in a closed or periodic box, else local"
     )
     substeps: int = setting(
         0, "DEM steps in a fluid step, 0 = from the stability limits of contacts and, step by step, of films", ge=0
@@ -333,6 +337,11 @@ class LbmDemConfig(Section):
         """Nodes along x, y(, z); they sit half a spacing inside the faces."""
         return tuple(max(1, round(length / self.spacing)) for length in self.domain.size)
 
+    def walled(self, k: int) -> tuple[int, ...]:
+        """Axes across the axis k that end at walls on both sides."""
+        let_through = {face.face[0] for face in self.boundary if face.type != "wall"}.union(self.domain.periodic)
+        return tuple(j for j, axis in enumerate(AXES[: self.dimensions]) if j != k and axis not in let_through)
+
     @property
     def substeps(self) -> int:
         """n_d: steps of the contacts in one of the fluid."""
@@ -350,12 +359,15 @@ class LbmDemConfig(Section):
 
     @property
     def conserved(self) -> tuple[str, ...]:
-        """Scalars of the series that the scene keeps: mass in closed faces, momentum where nothing acts."""
+        """Scalars of the series that the scene keeps: in closed faces the mass, or the mean density where grains that
+        move change the number of nodes; momentum where nothing acts.
+        """
         closed = all(face.type == "wall" for face in self.boundary)
         alone = self.fluid is not None and not (self.grains or self.obstacle or self.shaking)
         alone = alone and len(self.domain.periodic) == self.dimensions
         free = (axis for axis, force in zip(AXES, self.liquid.body_force) if not force) if alone else ()
-        return (*(("mass",) if closed else ()), *(f"momentum_{axis}" for axis in free))
+        mass = "mean_density" if self.fluid and any(grains.moving for grains in self.grains) else "mass"
+        return (*((mass,) if closed else ()), *(f"momentum_{axis}" for axis in free))
 
     @classmethod
     def modernised(cls, tree: Tree) -> None:
@@ -365,6 +377,18 @@ class LbmDemConfig(Section):
         one_of(tree, [("fluid", word) for word in ("relaxation_time", "time_step")])
         attach_arrays(tree, ("fluid", "start"))
         attach_arrays(tree, ("grains", "start"))
+
+
+def whole(cells: float) -> bool:
+    """True for a number of spacings along a side that a box may have."""
+    return round(cells) >= 1 and abs(cells - round(cells)) <= 1e-6 * max(1.0, cells)
+
+
+def whole_spacing(size: Vector, most: float) -> float:
+    """The largest spacing (m), not above `most` and not far below, of which all sides hold a whole number; else 0."""
+    first = max(1, math.ceil(size[0] / most * (1 - 1e-9)))
+    near = (size[0] / n for n in range(first, 3 * first // 2 + 2))
+    return next((dx for dx in near if all(whole(length / dx) for length in size)), 0.0)
 
 
 def grain_mass(grains: GrainSet, diameter: float, d: int) -> float:

@@ -102,6 +102,7 @@ class Immersed:
         self._earlier: list[Gains | FixedGains] = []  # of the one before
         self._gained = 0  # the step that ended with these: passes of several steps count none
         self._pending = Gains(self._fixed.ids[:0], NO_GAINS)
+        self._owed = 0  # mass that the fluid has gained since some was put back, but for what is pending
         fluid.hooks.append(self._bounce)
         if not self._fixed_links.reads_further and not self.refill.keeps_mass:
             fluid.carry(self._fixed_links.of_planes, self._fixed_links, self._take)  # until grains move
@@ -169,7 +170,7 @@ class Immersed:
         covered, filled = self.refill.change(change)
         self.fluid.nodes_changed(self._solid.settle())
         self.links.place()
-        if self.refill.keeps_mass:
+        if self.refill.keeps_mass and len(covered) + len(filled):
             self._pending = self._account(change, covered, filled)
 
     def _account(self, change: Change, covered: NDArray, filled: NDArray) -> Gains:
@@ -178,15 +179,14 @@ class Immersed:
         sums = np.zeros((len(table.ids), GAINS), np.int64)
         parts = ((1.0, change.covered, change.taken_by, covered), (-1.0, change.uncovered, change.left_by, filled))
         for sign, nodes, owners, populations in parts:
-            rows = np.searchsorted(table.ids, owners)
-            # one direction after the other: the bits of a product of matrices depend on the number of nodes
-            momentum = sign * sum(h[:, None] * way for h, way in zip(populations.T, e))
-            torque = np.cross(self.refill.arms(nodes, table.centres[rows]), momentum)
-            gains = np.column_stack((momentum, torque, -sign * populations.sum(axis=1)))
+            rows, gains = np.searchsorted(table.ids, owners), np.zeros((len(nodes), GAINS))
+            gains[:, 6] = -sign * populations.sum(axis=1)
+            if self.refill.counts_momentum:  # else links do, as that of what they sweep over
+                # one direction after the other: the bits of a product of matrices depend on the number of nodes
+                gains[:, :3] = sign * sum(h[:, None] * way for h, way in zip(populations.T, e))
+                gains[:, 3:6] = np.cross(self.refill.arms(nodes, table.centres[rows]), gains[:, :3])
             with np.errstate(invalid="ignore"):  # no number: the guard tells it
                 np.add.at(sums, rows, np.rint(gains * self._scale).astype(np.int64))
-        if not self.refill.counts_momentum:
-            sums[:, :6] = 0  # links count it, as the momentum of what they sweep over
         return Gains(table.ids, sums)
 
     def _bounce(self, fluid: Fluid, parity: int) -> None:
@@ -199,7 +199,7 @@ class Immersed:
             self._remember([Gains(self._table.ids, self.links.gains(), walls), self._pending], fluid.iteration + 1)
             self._pending = Gains(self._table.ids[:0], NO_GAINS)
         if self.refill.keeps_mass:
-            self._keep_mass()
+            self._keep_mass(fluid.iteration + 1)
 
     def _take(self, iteration: int) -> None:
         """The links that stay have kept what grains gain in the step to this iteration."""
@@ -208,18 +208,21 @@ class Immersed:
     def _remember(self, gains: list[Gains | FixedGains], iteration: int) -> None:
         self._earlier, self._gains, self._gained = self._gains, gains, iteration
 
-    def _keep_mass(self) -> None:
-        """Put back evenly what links and nodes have lost. Collective."""
+    def _keep_mass(self, iteration: int) -> None:
+        """Put back evenly what links and nodes have lost by this iteration, now and then. Collective."""
+        self._owed += sum(int(part[:, 6].sum()) for gains in self._gains for part in (gains.sums, gains.walls))
+        if self.links is not None and iteration % self.refill.steps_owed:
+            return
         inner = tuple(slice(*self.window.inner[axis]) for axis in (2, 1, 0))
-        gained = sum(part[:, 6].sum() for gains in self._gains for part in (gains.sums, gains.walls))
-        here = np.array([gained, np.count_nonzero(self.fluid.ids[inner] == FLUID)], np.int64)
+        here = np.array([self._owed, np.count_nonzero(self.fluid.ids[inner] == FLUID)], np.int64)
+        self._owed = 0
         gained, nodes = (float(total) for total in self._world.sum_int(here))
         if nodes:
             self.refill.add_evenly(-gained / nodes / float(self._scale[6]))
 
     def owed(self) -> float:
-        """Mass that the last `move` has given to nodes, which the next step takes from all of them. Collective."""
-        gained = np.array([self._pending.sums[:, 6].sum()], np.int64)
+        """Mass that the fluid has gained, which is still to be taken from all its nodes. Collective."""
+        gained = np.array([self._owed + self._pending.sums[:, 6].sum()], np.int64)
         return float(self._world.sum_int(gained)[0] / self._scale[6])
 
     def forces(self, ids: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -262,6 +265,8 @@ class Immersed:
         step, and the last step. Collective."""
         last = self._gains if self._gained == self.fluid.iteration else []
         grains = [self._total(parts, number) for parts in ([self._pending], last)]
+        if number:  # what is owed is taken with what is pending, whoever brought it
+            grains[0][0, 6] += self._world.sum_int(np.array([self._owed], np.int64))[0]
         walls = [self._of_walls(parts) for parts in ([], last)]
         return np.vstack((np.hstack(grains), np.hstack(walls)))
 

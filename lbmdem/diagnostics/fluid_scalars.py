@@ -49,6 +49,7 @@ class FluidScalars:
         along = scene.dimensions == 3
         per = "" if along else "/m"
         self.units = {"mass": f"kg{per}"}
+        self.units |= {"mean_density": "kg/m3"} if any(grains.moving for grains in scene.config.grains) else {}
         self.units |= {f"momentum_{axis}": f"kg m/s{per}" for axis in self._axes}
         self.units |= {"max_mach": "", "energy_kinetic": f"J{per}"}
         self.units |= {f"flow_rate_{axis}": "m3/s" if along else "m2/s" for axis in self._axes}
@@ -78,6 +79,7 @@ class FluidScalars:
         nodes, excess, *rest = self._world.sum_exact(rows)
         momentum, energy, flow = rest[: len(self._axes)], rest[len(self._axes)], rest[len(self._axes) + 1 :]
         values = {"mass": (nodes + excess) * units.mass}
+        values["mean_density"] = (1.0 + excess / nodes) * scene.density if nodes else math.nan
         values["energy_kinetic"] = 0.5 * energy * units.mass * units.velocity**2
         self._watch_mass(excess, nodes)
         for axis, p in zip(self._axes, momentum):

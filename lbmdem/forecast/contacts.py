@@ -5,8 +5,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hpcpic.core.case.config import Path
-from hpcpic.core.case.derived import Derived, Verdict, judged
+from hpcpic.core.case.config import Path, dotted
+from hpcpic.core.case.derived import Derived, Verdict, judged, rounded_up
 from hpcpic.core.physics.contact_law import deepest_overlap
 from lbmdem.case.config import ACCURATE, GrainSet, LbmDemConfig, contact_law, contact_step, grain_mass
 from lbmdem.forecast.estimate import phases
@@ -70,14 +70,14 @@ def overlaps(config: LbmDemConfig) -> Iterator[Derived]:
             layers = layers_at_rest(config, group)
             weight = mass * gravity * abs(1.0 - density / group.density)
             share = layers * weight / stiffness / size
-            cure = f"normal_stiffness = {layers * weight / (0.01 * size):.2g} gives 1 % for {group.name}"
+            cure = f"normal_stiffness = {rounded_up(layers * weight / (0.01 * size)):g} gives 1 % for {group.name}"
             source = f"weight of {layers:.3g} layers of grains" if layers > 1.0 else "weight of one layer of grains"
             yield overlap("overlap at rest", share, source, cure, key, forceable=share < 1.0)  # else it falls through
             if law.friction and law.viscosity and not law.shear:
                 yield from creep(config, group, max(layers, heap(group.count, d)), weight / size)
         share = deepest_overlap(impact_speed(config, i), mass, law) / size
         if share > 0.01 and not (config.fluid and config.coupling.lubrication):  # films bring it to rest
-            cure = f"normal_stiffness = {stiffness * (share / 0.01) ** 2:.2g} gives 1 % for {group.name}"
+            cure = f"normal_stiffness = {rounded_up(stiffness * (share / 0.01) ** 2):g} gives 1 % for {group.name}"
             yield overlap("overlap at impact", share, "linear spring and dashpot, free fall", cure, key)
 
 
@@ -115,11 +115,13 @@ def overlap_at_start(config: LbmDemConfig) -> Iterator[Derived]:
     nearest, deepest, outside, close, deep, gone = survey(config)
     if outside or nearest == 0.0:
         name = "grains outside the box" if outside else "least distance of centres"
-        cure = "their centres must lie in it" if outside else "no force has a direction there: move one of them"
+        cure = "the centre must lie in it" if outside else "no force has a direction there: move one of the two"
         limit, key = "0" if outside else "> 0", gone if outside else close
+        cure = f"{dotted(key)}: {cure}"
         yield Derived(name, "n" if outside else "r", float(outside), "", limit, "fail", "", cure, key)
     elif deepest > 0.0:
-        cure = "they fly apart; move them, or let packing = {..} find places without overlap"
+        cure = f"{dotted(deep)}: flies apart from what it touches, a grain, side of the box or plane; move it, or let "
+        cure += "packing = {..} find places without overlap"
         yield overlap("overlap at the start", deepest, "linear contacts", cure, deep)
 
 

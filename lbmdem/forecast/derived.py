@@ -6,13 +6,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from hpcpic.core.case.config import Path
-from hpcpic.core.case.derived import Derived, judged
+from hpcpic.core.case.derived import Derived, judged, rounded_down
 from hpcpic.core.files.start import arrays
 from lbmdem.case.config import (
     AXES,
     Diameters,
     GrainSet,
     LbmDemConfig,
+    whole_spacing,
 )
 from lbmdem.forecast.contacts import contacts, overlap_at_start
 from lbmdem.forecast.driven import driven, steady
@@ -58,6 +59,9 @@ def lattice_units(config: LbmDemConfig) -> Iterator[Derived]:
 def known_speed(config: LbmDemConfig) -> float:
     """The largest velocity that the case itself states, m/s; what develops later is watched while it runs."""
     vectors = [face.velocity for face in config.boundary] + [obstacle.velocity for obstacle in config.obstacle]
+    parabolas = (face for face in config.boundary if face.profile == "parabolic")
+    peaks = ((1.5 ** len(config.walled(AXES.index(face.face[0]))), face) for face in parabolas)
+    vectors += [tuple(peak * u for u in face.velocity) for peak, face in peaks]
     others = [math.hypot(*group.velocity) + turning_speed(group) for group in config.grains]
     others += [config.liquid.initial.speed] if config.liquid.initial else []
     starts = (config.fluid.start if config.fluid else None, *(group.start for group in config.grains))
@@ -166,10 +170,11 @@ def grains(config: LbmDemConfig) -> Iterator[Derived]:
         nodes, enough = smallest / dx, ENOUGH_NODES[d]
         key: Path = ("grains", i, "diameters" if group.diameters is not None else "diameter")
         least = 2.5 if group.moving else 2.0
+        fine = whole_spacing(config.domain.size, smallest / enough) or rounded_down(smallest / enough)
         yield judged(
             "nodes across a grain", "D/dx", nodes, ok=nodes >= enough * (1 - 1e-9), legal=nodes >= least,
             limit=f">= {enough:g}, {least:g} at least", source="Mansouri et al., section 4",
-            cure=f"domain.spacing = {smallest / enough:.3g} resolves the grains of {group.name}",
+            cure=f"domain.spacing = {fine:.9g} resolves the grains of {group.name}",
             key=key, forceable=nodes >= 1,
         )  # fmt: skip
         if group.moving:
@@ -328,23 +333,32 @@ def silo(config: LbmDemConfig) -> Iterator[Derived]:
         yield judged(
             f"weight of {group.name} on its floor", "Janssen", share, ok=share >= 0.9, legal=True, limit=">= 0.9",
             source="Janssen 1895, K = 1 - sin phi", key=("grains", i, "packing"),
-            cure="it starts without friction at its sides, which may lock against a rebound: no silo until it slides",
+            cure="sides with friction carry a part of the weight in a silo once its grains slide down; before, more or "
+            "less rests on the floor",
         )  # fmt: skip
 
 
 def density_ratio(config: LbmDemConfig, i: int, nodes: float) -> Iterator[Derived]:
     """Explicit coupling explodes where a grain is lighter than half the impedance of its links: measured at 1.0 to 1.2
-    times that density with discs of 10 nodes and spheres of 7."""
+    times that density with discs of 10 nodes and spheres of 7. Implicit coupling gives a grain that is lighter than the
+    impedance the inertia that it lacks.
+    """
     d, lattice = config.dimensions, LATTICES[config.lattice]
     ratio = config.grains[i].density / config.liquid.density
     volume = math.pi / 4 * nodes**2 if d == 2 else math.pi / 6 * nodes**3
-    limit = float(1.2 * 0.5 * impedance(lattice, config.coupling.bounce_back, 0.5 * nodes)[0] / volume)
-    explicit = config.coupling.inertia == "explicit"
+    heavy = float(impedance(lattice, config.coupling.bounce_back, 0.5 * nodes)[0] / volume)
+    limit, key, source = 1.2 * 0.5 * heavy, ("grains", i, "density"), "impedance of the links, zeta/V"
+    if config.coupling.inertia == "explicit":
+        yield judged(
+            "density ratio", "rho_s/rho_f", ratio, ok=ratio > 1.5 * limit, legal=ratio > limit,
+            limit=f"> {limit:.2g} with explicit coupling", source=source, key=key, forceable=True,
+            cure='coupling.inertia = "implicit" is stable at any ratio',
+        )  # fmt: skip
+        return
+    cure = f"it gains speed as if it were {heavy / ratio:.2g} times as heavy, which keeps it stable; "
     yield judged(
-        "density ratio", "rho_s/rho_f", ratio, ok=not explicit or ratio > 1.5 * limit, legal=ratio > limit,
-        limit=f"> {limit:.2g} with explicit coupling" if explicit else "none with implicit coupling",
-        source="impedance of the links, zeta/(2 V)", key=("grains", i, "density"), forceable=True,
-        cure='coupling.inertia = "implicit" is stable at any ratio',
+        "density ratio", "rho_s/rho_f", ratio, ok=ratio >= heavy, legal=True, limit=f">= {heavy:.2g}", source=source,
+        cure=cure + "steady speeds are right; a finer spacing needs less", key=key,
     )  # fmt: skip
 
 

@@ -28,6 +28,7 @@ from lbmdem.physics.velocity_sets import LATTICES
 from lbmdem.sizes import (
     CACHE_OF_WHOLE_PLANES,
     GRAINS_OF_ONE_THREAD,
+    STEPS_OWED,
     STEPS_PER_CALL,
     STEPS_PER_PASS,
 )
@@ -94,7 +95,8 @@ def phases(
             cold = 0.0 if cached(config) else rates["cold_us"]
             seconds["moving solids"] = 1e-6 * (rates["moving_us"] + cold + each)
             if config.coupling.keeps_mass:
-                seconds["moving solids"] += math.prod(config.points) * rates["conserving_ns"] / cores
+                put_back = math.prod(config.points) * rates["conserving_ns"] / cores
+                seconds["moving solids"] += put_back / (1 if config.coupling.refill == "conserving" else STEPS_OWED)
         seconds["exchanges"] = exchange_seconds(config, rates) if ranks > 1 else 0.0
     return seconds
 

@@ -139,11 +139,15 @@ def landing(config: LbmDemConfig, group: GrainSet) -> float:
 
 
 def falling(config: LbmDemConfig, i: int) -> Iterator[Derived]:
-    """Mach and Reynolds numbers of a grain that falls or rises alone, which a bed seldom reaches."""
+    """Speed, Mach and Reynolds numbers of a grain that falls or rises alone, which a bed seldom reaches."""
     v, fluid, dx = terminal_speed(config, i), config.liquid, config.spacing
     if not v:
         return
     source = "Schiller & Naumann 1933" if config.dimensions == 3 else "Stokes; drag coefficient 1 of a disc"
+    name, size = config.grains[i].name or f"grains_{i + 1}", config.grains[i].largest_diameter
+    reynolds = v * size / fluid.kinematic_viscosity
+    yield Derived(f"speed of {name}, alone", "v", v, "m/s", source=source)
+    yield Derived(f"Reynolds number of {name}, alone", "v D/nu", reynolds)
     mach = v * config.time_step / dx / math.sqrt(CS2)
     legal = mach < 0.5
     yield judged(
@@ -157,8 +161,6 @@ def falling(config: LbmDemConfig, i: int) -> Iterator[Derived]:
         limit=f"<= {most:g}, {FAR_BEYOND * most:g} at all" if math.isfinite(most) else "none",
         source=f"{source}; shear layer, measured", cure=OTHER_COLLISION, key=SPACING, forceable=True,
     )  # fmt: skip
-    size = config.grains[i].largest_diameter
-    reynolds = v * size / fluid.kinematic_viscosity
     if reynolds > 1.0:
         layer = LAYER * size / dx / math.sqrt(reynolds)
         finer = size * LAYER / math.sqrt(reynolds)

@@ -9,7 +9,7 @@ from hpcpic.core.case.gauge import gauge_faults
 from hpcpic.core.case.own_functions import formula_fault
 from hpcpic.core.case.words import unknown
 from hpcpic.core.files.start import start_faults
-from lbmdem.case.config import AXES, GrainSet, LbmDemConfig, Obstacle
+from lbmdem.case.config import AXES, GrainSet, LbmDemConfig, Obstacle, whole, whole_spacing
 from lbmdem.physics import wall_rules
 from lbmdem.physics.wall_rules import RULES
 
@@ -62,9 +62,11 @@ def size_faults(config: LbmDemConfig, d: int) -> Iterator[tuple[Path, str]]:
         cells = length / dx
         if round(cells) < 1:
             yield ("domain", "size"), f"is less than one spacing along {axis} ({length:g} m of {dx:g} m)"
-        elif abs(cells - round(cells)) > 1e-6 * max(1.0, cells):
-            legal = round(cells) * dx
-            yield ("domain", "size"), f"is {cells:.6g} spacings along {axis}; {legal:.9g} m is a whole number"
+        elif not whole(cells):
+            found = whole_spacing(size, dx)
+            other = f", or domain.spacing = {found:.9g} along all axes" if found else ""
+            text = f"is {cells:.6g} spacings along {axis}; {round(cells) * dx:.9g} m is a whole number{other}"
+            yield ("domain", "size"), text
     lattice = config.simulation.lattice
     if lattice is not None and lattice[1] != str(d):
         yield ("simulation", "lattice"), f"{lattice} is not of {d} dimensions"
@@ -92,6 +94,8 @@ def face_faults(config: LbmDemConfig, d: int) -> Iterator[tuple[Path, str]]:
             yield ("boundary", i), f"a {face.type} face has no pressure of its own"
         if face.type == "periodic" and face.velocity:
             yield ("boundary", i, "velocity"), "a periodic face has none"
+        if face.type != "velocity" and face.profile != "uniform":
+            yield ("boundary", i, "profile"), f"a {face.type} face has none"
         if face.type == "velocity" and not face.velocity:
             yield ("boundary", i), "a velocity face needs velocity"
         if len(face.velocity) == d and axis in AXES[:d] and face.velocity[AXES.index(axis)]:
@@ -198,7 +202,9 @@ def obstacle_faults(config: LbmDemConfig, obstacle: Obstacle) -> Iterator[tuple[
         if any(low >= high for low, high in zip(box.low, box.high)):
             yield ("shape", "box"), "has no inside: low must be below high along every axis"
         if any(grains.moving for grains in config.grains):
-            yield ("shape", "box"), "is nothing that moving grains could touch; a plane is"
+            yield ("shape", "box"), (
+                "is nothing that moving grains could touch; a plane is, or a row of grains with moving = false"
+            )
     elif plane is not None and not any(plane.normal):
         yield ("shape", "plane", "normal"), "is no direction"
     elif plane is not None and len(plane.normal) == d:

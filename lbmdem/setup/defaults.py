@@ -18,6 +18,11 @@ def completed(config: LbmDemConfig) -> LbmDemConfig:
         tau = 1.0 if fluid.time_step is None else None
         update = {"body_force": padded(fluid.body_force, d), "relaxation_time": fluid.relaxation_time or tau}
         fluid = fluid.model_copy(update=update)
+    coupling = config.coupling
+    if coupling.refill is None:
+        closed = all(face.type in ("wall", "periodic") for face in config.boundary)
+        kept = closed and not coupling.frozen and any(grains.moving for grains in config.grains)
+        coupling = coupling.model_copy(update={"refill": "mass-conserving" if kept else "local"})
     faces = (face for face in config.boundary if face.type != "periodic")
     boundary = tuple(face.model_copy(update={"velocity": padded(face.velocity, d)}) for face in faces)
     obstacle = tuple(
@@ -32,6 +37,7 @@ def completed(config: LbmDemConfig) -> LbmDemConfig:
             "domain": domain,
             "fluid": fluid,
             "boundary": boundary,
+            "coupling": coupling,
             "obstacle": obstacle,
             "grains": tuple(completed_grains(grains, i, d) for i, grains in enumerate(config.grains)),
             "gauge": named(config.gauge),

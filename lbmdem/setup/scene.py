@@ -21,6 +21,7 @@ class FaceScene:
     velocity: tuple[float, ...]
     density: float = 1.0
     rate: float = 0.0
+    profile: str = "uniform"
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +82,19 @@ class Scene:
         if boundary.pressure is not None:
             density += boundary.pressure / units.pressure / CS2
         rate = boundary.pressure_rate * units.dt / units.pressure / CS2
-        return FaceScene(boundary.type, velocity, density, rate)
+        return FaceScene(boundary.type, velocity, density, rate, boundary.profile)
+
+    def inflow(self, name: str, axes: tuple[NDArray, ...]) -> NDArray[np.float64]:
+        """Velocity [..., d] through a face at its nodes, lattice units: those of `axes` without its own axis, which has
+        one. Between walls it may be a parabola; between two pairs of them a product of two.
+        """
+        k, face = AXES.index(name[0]), self.faces[name]
+        across = [axis for j, axis in enumerate(axes) if j != k]
+        shape = np.ones(np.broadcast_shapes(*(axis.shape for axis in across)))
+        for j in self.config.walled(k) if face.profile == "parabolic" else ():
+            share = axes[j] / self.config.domain.size[j]
+            shape = shape * (6.0 * share * (1.0 - share))
+        return shape[..., None] * np.array(face.velocity)
 
     def body_force(self, step: float) -> NDArray[np.float64]:
         """Acceleration of the fluid at a step, in lattice units: of the case, and of the shaken frame."""
@@ -114,8 +127,8 @@ class Scene:
             return given / self.units.velocity
         initial = self.config.liquid.initial
         if initial is None:
-            for k, x in enumerate(axes):
-                u[..., k] = self._through(k, x / self.config.domain.size[k])
+            for k in range(self.dimensions):
+                u[..., k] = self._through(k, axes)
             return u
         speed = initial.speed / self.units.velocity
         kx, ky = (2.0 * math.pi / length for length in self.config.domain.size[:2])
@@ -135,17 +148,17 @@ class Scene:
         given = arrays(start).get(name) if start else None
         return None if given is None else given[np.rint(axes[-1].ravel() / self.units.dx - 0.5).astype(int)]
 
-    def _through(self, k: int, share: NDArray) -> NDArray[np.float64] | float:
+    def _through(self, k: int, axes: tuple[NDArray, ...]) -> NDArray[np.float64] | float:
         """Velocity along axis k between two faces of it that let fluid through, one or both with a given velocity.
 
         An incompressible fluid follows them at once. From rest this one would answer by sound, which such faces throw
         back and viscosity hardly damps.
         """
-        faces = [self.faces[AXES[k] + side] for side in "-+"]
-        given = [face.velocity[k] for face in faces if face.kind == "velocity"]
-        if not given or any(face.kind == "wall" for face in faces):
+        faces = {name: self.faces[name] for name in (AXES[k] + "-", AXES[k] + "+")}
+        given = [self.inflow(name, axes)[..., k] for name, face in faces.items() if face.kind == "velocity"]
+        if not given or any(face.kind == "wall" for face in faces.values()):
             return 0.0
-        return given[0] + (given[-1] - given[0]) * share
+        return given[0] + (given[-1] - given[0]) * (axes[k] / self.config.domain.size[k])
 
     def initial_density(self, axes: tuple[NDArray, ...], sample: tuple[float, float] | None) -> NDArray[np.float64]:
         """Density at nodes in lattice units: of rest, or of the initial flow; between two pressure faces it falls

@@ -49,6 +49,12 @@ def judged(name: str, symbol: str, value: float, *, ok: bool, legal: bool = Fals
     return Derived(name, symbol, value, verdict=verdict, cure="" if ok else cure, **more)
 
 
+def rounded_up(value: float) -> float:
+    """The smallest number of two digits that is not below value > 0."""
+    scale = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return float(f"{math.ceil(value / scale * (1 - 1e-12)) * scale:.2g}")
+
+
 def rounded_down(value: float) -> float:
     """The largest number of two digits that is not above value > 0."""
     scale = 10.0 ** (math.floor(math.log10(value)) - 1)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:  # `estimate` uses the words below, and answers sooner without
 
 WARM_UP = 5  # steps left out of the statistics: compilation, first touch, cold caches
 KEPT = 1 << 16
-CONSERVED = ("energy_total", "charge", "mass", "momentum_x", "momentum_y", "momentum_z")
+CONSERVED = ("energy_total", "charge", "mass", "mean_density", "momentum_x", "momentum_y", "momentum_z")
 
 
 class StepTimes:

@@ -1,0 +1,74 @@
+"""Cures of `check` pass when they are taken, and what it says names the grain."""
+
+import pytest
+
+from hpcpic.core.case.config import loads
+from hpcpic.core.errors import ConfigError
+from lbmdem.case.config import whole_spacing
+from lbmdem.configure import configure
+from lbmdem.forecast.derived import derived
+
+SPHERE = """
+simulation = { end_time = 1.0; };
+domain = { size = [0.1, 0.1, 0.16]; spacing = 2.0e-3; };
+fluid = { density = 960.0; viscosity = 6.04e-5; relaxation_time = 0.9; };
+grains = ({ diameter = 0.015; density = 1120.0; position = [0.05, 0.05, 0.12]; });
+gravity = [0.0, 0.0, -9.81];
+"""
+
+
+def told(*sets):
+    return {one.name: one for one in derived(configure(loads(SPHERE, sets=sets)))}
+
+
+@pytest.mark.parametrize(
+    "name, key, sets",
+    [
+        ("nodes across a grain", "domain.spacing", ("domain.spacing=0.005",)),
+        ("nodes across a grain", "domain.spacing", ("domain.spacing=0.0047", "domain.size=[0.0987, 0.0987, 0.1598]")),
+        ("overlap at rest", "contact.normal_stiffness", ("contact.normal_stiffness=0.01",)),
+        ("overlap at rest", "contact.normal_stiffness", ("contact.normal_stiffness=0.1", "grains[0].density=1100")),
+    ],
+)
+def test_a_cure_passes(name, key, sets):
+    found = told(*sets)[name]
+    assert found.verdict != "ok"
+    setting, value = found.cure.split(" = ")[0], found.cure.split(" = ")[1].split()[0]
+    assert key.endswith(setting)
+    assert told(*sets, f"{key}={value}")[name].verdict == "ok"
+
+
+def test_a_spacing_that_all_sides_hold_is_offered():
+    with pytest.raises(ConfigError, match=r"domain\.spacing = 0\.00285714286 along all axes"):
+        told("domain.spacing=0.0033")
+    told("domain.spacing=0.00285714286")
+    assert whole_spacing((0.1, 0.1), 0.03) == 0.025
+    assert whole_spacing((1.0, 0.7310001), 0.1) == 0.0
+
+
+def test_a_light_grain_is_told_to_gain_speed_slowly():
+    found = told("grains[0].density=9.6")["density ratio"]
+    assert found.verdict == "warn" and "times as heavy" in found.cure
+    assert told()["density ratio"].verdict == "ok"
+
+
+@pytest.mark.parametrize("place, name", [("[0.05, 0.05, 0.157]", "overlap at the start"),
+                                         ("[0.05, 0.05, 0.3]", "grains outside the box")])  # fmt: skip
+def test_the_grain_that_cannot_start_is_named(place, name):
+    found = told(f"grains=({{diameter=0.015; density=1120.0; position=([0.05, 0.05, 0.05], {place});}})")[name]
+    assert found.verdict == "fail" and found.cure.startswith("grains[0].position[1]: ")
+
+
+@pytest.mark.parametrize(
+    "refill, sets",
+    [
+        ("mass-conserving", ()),
+        ("mass-conserving", ('domain.periodic=["x", "y", "z"]',)),
+        ("local", ('boundary=({face="z-"; type="pressure"; density=960.0;})',)),
+        ("local", ("grains[0].moving=false",)),
+        ("local", ("coupling.frozen=true",)),
+        ("average", ('coupling.refill="average"',)),
+    ],
+)
+def test_what_moving_grains_take_of_a_closed_box_is_given_back_unless_a_case_says_otherwise(refill, sets):
+    assert configure(loads(SPHERE, sets=sets)).coupling.refill == refill
