@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
 """How fast the grid heats a thermal plasma: runs, and the rates of hpcpic/plasma/physics/shapes.py from them.
 
-python scripts/heating.py DIMENSIONS SHAPE [DIMENSIONS SHAPE ...]       as in 3 CIC
+python scripts/heating.py DIMENSIONS SHAPE [DIMENSIONS SHAPE ...]       as in 3 CIC, 1 TSC
 
 Each run starts at random places, goes on until wp t = 875 with wp dt = 0.2 and centred differences, and tells the
-energy in the end over that at the start; the rates are those with which `energy_ratio` gives these best.
+energy in the end over that at the start; the rates are those with which `energy_ratio` gives these best. On a line the
+field of a random start has much of the energy: its Debye length is that of both, and starts of more field are left out.
 """
 
 from __future__ import annotations
@@ -21,9 +22,11 @@ import hpcpic
 from hpcpic.plasma.physics.heating import Heating, energy_ratio
 
 DEBYE = (0.03, 0.1, 0.3, 0.5, 0.7, 1.0)  # lambda_D/dx
-PER_CELL = (16, 64)
-POINTS = {2: [64, 64], 3: [16, 16, 16]}
+PER_CELL = {1: (64, 256, 1024, 4096), 2: (16, 64), 3: (16, 64)}
+POINTS = {1: [64], 2: [64, 64], 3: [16, 16, 16]}
 STEP, STEPS = 0.2, 4375
+MOST_FIELD = 3.0  # of the start over its heat, on a line
+LEAST = 0.005  # growth on a line that is more than the swing of the energy
 SMOOTH = 0.02  # weight of a bend against a miss
 
 
@@ -35,16 +38,19 @@ def main() -> int:
     for dimensions, shape in zip(map(int, words[::2]), words[1::2]):
         found = {}
         for debye in DEBYE:
-            for per_cell in PER_CELL:
-                found[debye, per_cell] = growth(dimensions, shape, debye, per_cell)
-                print(f'("{shape}", {dimensions}, {debye}, {per_cell}, {STEP * STEPS:g}, '
-                      f"{1 + found[debye, per_cell]:.4g}),", flush=True)  # fmt: skip
+            for per_cell in PER_CELL[dimensions]:
+                if dimensions == 1 and POINTS[1][0] / (12 * per_cell * debye**2) > MOST_FIELD:
+                    continue
+                start, seen = growth(dimensions, shape, debye, per_cell)
+                if dimensions > 1 or seen > LEAST:
+                    found[start, per_cell] = seen
+                print(f'("{shape}", {dimensions}, {start:.3g}, {per_cell}, {STEP * STEPS:g}, {1 + seen:.4g}),')
         print(*fitted(found), sep="\n", flush=True)
     return 0
 
 
-def growth(dimensions: int, shape: str, debye: float, per_cell: int) -> float:
-    """W(end)/W(0) - 1 of a plasma of this Debye length in spacings."""
+def growth(dimensions: int, shape: str, debye: float, per_cell: int) -> tuple[float, float]:
+    """Debye length of the start, and W(end)/W(0) - 1, of a plasma of this Debye length in spacings."""
     points = POINTS[dimensions]
     electrons = {
         "name": "electrons", "charge": -1.0, "mass": 1.0, "plasma_frequency": 1.0, "thermal_velocity": debye,
@@ -58,9 +64,10 @@ def growth(dimensions: int, shape: str, debye: float, per_cell: int) -> float:
         species=[electrons],
     )
     with case.simulation(threads=1) as sim:
-        start = sim.scalars()["energy_total"]
+        start = dict(sim.scalars())
         sim.advance()
-        return sim.scalars()["energy_total"] / start - 1
+        with_field = math.sqrt(start["energy_total"] / start["energy_kinetic"]) if dimensions == 1 else 1.0
+        return debye * with_field, sim.scalars()["energy_total"] / start["energy_total"] - 1
 
 
 def fitted(found: dict[tuple[float, int], float]) -> list[str]:

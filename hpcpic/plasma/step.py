@@ -26,7 +26,7 @@ from hpcpic.plasma.diagnostics.node_moments import NodeMoments
 from hpcpic.plasma.diagnostics.series_sums import SeriesSums
 from hpcpic.plasma.field.mesh import SHIFT, Mesh
 from hpcpic.plasma.forecast.cuts import first_cuts, laying_out, row_costs
-from hpcpic.plasma.forecast.derived import total_plasma_frequency
+from hpcpic.plasma.forecast.scales import total_plasma_frequency
 from hpcpic.plasma.particles.cloud import CHUNK, Cloud
 from hpcpic.plasma.particles.driven import driven_kernel
 from hpcpic.plasma.particles.push_spec import WHOLE_BITS, PushSpec, groups_of_charge

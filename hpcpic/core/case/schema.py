@@ -18,6 +18,7 @@ from hpcpic.core.errors import ConfigError
 
 REQUIRED = ...
 MOST_TOLD = 100  # of the faults of a case
+MOST_WHOLE = 2**53  # up to which a float holds every integer
 SYNONYMS = {  # what others call a key -> what it may be called here
     **dict.fromkeys(("steps", "nsteps", "n_steps", "iterations"), ("cycles", "end_time")),
     **dict.fromkeys(("end", "tmax", "t_max", "t_end", "tend", "duration", "final_time"), ("end_time", "cycles")),
@@ -46,7 +47,7 @@ SYNONYMS = {  # what others call a key -> what it may be called here
 
 
 class Section(BaseModel):
-    """A group of settings: frozen, no unknown keys, an integer widens to float and nothing else converts."""
+    """A group of settings: frozen, no unknown keys. An integer widens to float; `validate` takes 1e4 for an integer."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
@@ -107,7 +108,7 @@ def validate(
     drop_ignored(model, tree)
     messages = list(tree.faults)
     try:
-        config = model.model_validate(tree.data)
+        config = typed(model, tree)
     except ValidationError as error:
         if other := stranger(model, tree):
             raise ConfigError(f"{tree.where(())}: {other}") from None
@@ -124,6 +125,35 @@ def validate(
     if messages:
         raise ConfigError(messages)
     return complete(config)
+
+
+def typed(model: type[Model], tree: Tree) -> Model:
+    """The configuration of a tree. Where an integer is asked for, 1e4 is one: it is written into the tree."""
+    try:
+        return model.model_validate(tree.data)
+    except ValidationError as error:
+        found = [(known_path(tree, fault), fault["input"]) for fault in error.errors() if fault["type"] == "int_type"]
+        whole = [(path, value) for path, value in found if is_whole(value)]
+        if not whole:
+            raise
+    for path, value in whole:
+        put_value(tree.data, path, int(value))
+    return model.model_validate(tree.data)
+
+
+def is_whole(value: Any) -> bool:
+    return isinstance(value, float) and value.is_integer() and abs(value) <= MOST_WHOLE
+
+
+def put_value(holder: Any, path: Path, value: Any) -> Any:
+    """`holder` with another value at a path; tuples, which do not change, are made anew."""
+    if not path:
+        return value
+    inner = put_value(holder[path[0]], path[1:], value)
+    if isinstance(holder, tuple):
+        return tuple(inner if i == path[0] else item for i, item in enumerate(holder))
+    holder[path[0]] = inner
+    return holder
 
 
 def stranger(model: type[Section], tree: Tree) -> str:

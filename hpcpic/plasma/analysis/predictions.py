@@ -14,7 +14,7 @@ from hpcpic.plasma.analysis import series_analysis, theory
 from hpcpic.plasma.analysis.theory import Beam, Mesh
 from hpcpic.plasma.case.config import PlasmaConfig
 from hpcpic.plasma.configure import configure
-from hpcpic.plasma.forecast.derived import plasma_frequency, spacing
+from hpcpic.plasma.forecast.scales import plasma_frequency, spacing
 from hpcpic.plasma.physics.poisson import operator_of, response
 from hpcpic.plasma.physics.quiet_start import lattice
 from hpcpic.plasma.setup.loaders import loader_of

@@ -336,6 +336,13 @@ def loader_faults(section: Species, dimensions: int) -> Iterator[Fault]:
         yield ("init_method",), f"must be {known} (got {abridged(word)}){hint}"
 
 
+def random_places(section: Species) -> bool:
+    """Whether the particles start at places drawn one by one, which make noise."""
+    loader = loader_of(section)
+    given = isinstance(loader, Arrays) and "position" in arrays(section.start)
+    return type(loader).positions is Loader.positions or (isinstance(loader, Arrays) and not given)
+
+
 def velocity_moments(config: PlasmaConfig, section: Species, axis: int) -> tuple[float, float]:
     """Mean and standard deviation, m/s, of a velocity component as loaded."""
     populations = loader_of(section).populations(section, axis)

@@ -128,8 +128,27 @@ def test_a_long_or_hostile_value_is_shown_in_one_harmless_line():
 def test_an_integer_widens_to_float_and_nothing_else_converts():
     config = validate(Model, loads("part = ({ mass = 2; position = 3; }); limit = 4;"))
     assert type(config.part[0].mass) is float and config.part[0].position == (3.0,) and type(config.limit) is float
-    for text in ("group = { count = 1.0; };", 'limit = "1";', "limit = true;", "group = { count = true; };"):
+    for text in ("group = { count = 1.5; };", 'limit = "1";', "limit = true;", "group = { count = true; };"):
         faults_of(text)
+
+
+def test_a_number_without_a_fraction_is_an_integer_where_one_is_asked_for():
+    """Exponents are how one writes many steps; libconfig calls 1e4 a float."""
+    text = "group = { count = 1e4; shape = (2e1, 3); }; part = ({ mass = 1e4; }); limit = 1e4;"
+    config = validate(Model, loads(text))
+    assert config.group.count == 10000 and config.group.shape == (20, 3)
+    assert {type(value) for value in (config.group.count, *config.group.shape)} == {int}
+    assert type(config.part[0].mass) is float and type(config.limit) is float
+    assert validate(Model, loads("group = { shape = 2e1; };", sets=["group.count=2e0"])).group == Group(
+        count=2, shape=(20,)
+    )
+    assert validate(Model, loads(dump(config))) == config
+
+
+@pytest.mark.parametrize("value", ["1.5", "1e-1", "1e300", "-1e4", "[1e4]", "true"])
+def test_other_numbers_are_no_integers(value):
+    (message,) = faults_of(f"group = {{ count = {value}; }};")
+    assert message.startswith("case:1:11: group.count: must be ")
 
 
 def test_configurations_are_frozen():

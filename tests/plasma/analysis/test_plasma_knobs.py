@@ -12,7 +12,7 @@ from hpcpic.core.files.series import Series
 from hpcpic.plasma.analysis.knobs import knobs_of, smooth
 from hpcpic.plasma.app import APP, shipped_cases
 from hpcpic.plasma.configure import configure
-from hpcpic.plasma.forecast.derived import total_plasma_frequency
+from hpcpic.plasma.forecast.scales import total_plasma_frequency
 from hpcpic.plasma.setup.scene import Scene
 
 CASES = sorted(shipped_cases())

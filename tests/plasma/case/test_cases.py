@@ -11,13 +11,15 @@ from hpcpic.plasma.configure import configure
 from hpcpic.plasma.forecast.derived import derived
 
 SHIPPED = shipped_cases()
+NOISY = ("thesis-1024-on-512", "thesis-10240-on-64")  # 4 electrons per Debye circle, as the thesis has them
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_shipped_case_is_legal_on_two_ranks_and_without_warnings(name):
+def test_shipped_case_is_legal_on_two_ranks_and_with_no_warning_but_of_noise(name):
     tree = load(SHIPPED[name])
     config = configure(tree)
-    assert enforce(derived(config, ranks=2), tree) == [] and tree.warnings == []
+    told = enforce(derived(config, ranks=2), tree)
+    assert all("N_D = 4.189" in text for text in told) and len(told) == (name in NOISY) and tree.warnings == []
     assert config.description and config.periods["series"]
 
 

@@ -11,7 +11,8 @@ from hpcpic.core.case.schema import dump
 from hpcpic.core.errors import ConfigError
 from hpcpic.plasma.case.units import PARTICLES, SI
 from hpcpic.plasma.configure import configure
-from hpcpic.plasma.forecast.derived import derived, plasma_frequency
+from hpcpic.plasma.forecast.derived import derived
+from hpcpic.plasma.forecast.scales import plasma_frequency
 from hpcpic.plasma.setup.macro_particles import macro_charge, macro_mass
 from hpcpic.plasma.setup.scene import Scene
 

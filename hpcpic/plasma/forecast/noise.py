@@ -1,0 +1,106 @@
+"""Where a plasma has so few particles that their noise hides it, or the wave that it starts with."""
+
+import math
+from collections.abc import Iterator
+
+from hpcpic.core.case.derived import Derived, judged
+from hpcpic.plasma.case.config import MOST_PARTICLES, PlasmaConfig, Species
+from hpcpic.plasma.forecast.scales import field_axes, plasma_frequency, thermal_velocities, total_plasma_frequency
+from hpcpic.plasma.setup.loaders import Loader, loader_of, random_places
+from hpcpic.plasma.setup.macro_particles import macro_charge, macro_mass
+
+# In equilibrium the field of a wave has T/2 / (1 + (k lambda_D)^2) (Birdsall & Langdon, chapter 12): over all waves of
+# a grid of dx = lambda_D, 10 particles per Debye length make 5 % of the heat in 1D (1/(2 N_D)), 6 % in 2D, 5 % in 3D.
+MIN_PER_DEBYE = 10.0
+# Noise has random phases: that of its amplitude is above 3 times its root mean square in one start of exp(9) = 8000.
+MIN_OVER_NOISE = 3.0
+MAX_START_NOISE = 0.5  # field of a random start over heat, in 1D: with more, seeds differ in heating by more than 2
+BALLS = {1: ("length", 1.0), 2: ("circle", math.pi), 3: ("sphere", 4 / 3 * math.pi)}  # by axes, of radius 1
+
+
+def noise(config: PlasmaConfig) -> Iterator[Derived]:
+    """Particles of each warm species per Debye length, and each wave over the noise of random places."""
+    for i, species in enumerate(config.species):
+        yield from per_debye_length(config, i, species)
+        if species.perturbation and species.particles and random_places(species):
+            yield from wave_over_noise(config, i, species)
+
+
+def per_debye_length(config: PlasmaConfig, i: int, species: Species) -> Iterator[Derived]:
+    """Particles of a species in a Debye length of its own. Even places have no noise at the start: not judged."""
+    axes = [axis for axis, n in enumerate(config.points) if n > 1]
+    wp, thermal = plasma_frequency(config, species), thermal_velocities(config, species)
+    if not axes or not wp or not all(thermal[axis] for axis in axes):
+        return
+    ball, size = BALLS[len(axes)]
+    lengths = (thermal[axis] / wp / config.simulation.space_length[axis] for axis in axes)
+    value, name = species.particles * size * math.prod(lengths), f"{species.name} per Debye {ball}"
+    if not random_places(species):
+        yield Derived(name, "N_D", value)
+        return
+    cure = more_particles(i, species, MIN_PER_DEBYE / value if value else math.inf) or "a hotter or thinner plasma"
+    yield judged(
+        name, "N_D", value, limit=f">= {MIN_PER_DEBYE:g}", ok=value >= MIN_PER_DEBYE, legal=True,
+        source="5 % noise, Birdsall & Langdon ch. 12", cure=cure, key=("species", i, "particles"),
+    )  # fmt: skip
+
+
+def wave_over_noise(config: PlasmaConfig, i: int, species: Species) -> Iterator[Derived]:
+    """The relative density of a wave over that of the same wave in N random places, which is 2/sqrt(N).
+
+    The amplitude is 2/N |sum over particles of exp(-i k.x)|: that of n (1 - a cos(k.x)) is a, and in random places its
+    mean square is 4/N. Velocities b sin(k.x) make the amplitude k b/wp, a quarter of a period later.
+    """
+    wave, wp = species.perturbation, total_plasma_frequency(config)
+    assert wave is not None and species.particles
+    k = 2 * math.pi * math.hypot(*(n / length for n, length in zip(wave.mode, config.simulation.space_length)))
+    amplitude = math.hypot(wave.amplitude, k * wave.velocity_amplitude / wp if wp else 0.0)
+    if not amplitude:
+        return
+    value = 0.5 * amplitude * math.sqrt(species.particles)
+    ways = [f'species[{i}].init_method = "quiet"'] if type(loader_of(species)) is Loader else []
+    ways += filter(None, [more_particles(i, species, (MIN_OVER_NOISE / value) ** 2)])
+    yield judged(
+        f"wave of {species.name} over noise", "a sqrt(N)/2", value, limit=f">= {MIN_OVER_NOISE:g}",
+        ok=value >= MIN_OVER_NOISE, legal=True, source="2/sqrt(N) of random places",
+        cure=", or ".join(ways) or "a larger amplitude", key=("species", i, "particles"),
+    )  # fmt: skip
+
+
+def more_particles(i: int, species: Species, factor: float) -> str:
+    """Settings of so many times the particles that are the same plasma; empty where that is too many."""
+    assert species.particles is not None
+    if not species.particles * factor < MOST_PARTICLES:
+        return ""
+    n = math.ceil(species.particles * factor * (1 + 1e-9))
+    made = f"species[{i}].particles = {n}"
+    return made if fixed_density(species) else f"{made}, {weighted(i, species, species.particles / n)}"
+
+
+def fixed_density(species: Species) -> bool:
+    """Whether charge and mass are those of a real particle, so that more macro-particles are the same plasma."""
+    return bool(species.density or species.plasma_frequency)
+
+
+def weighted(i: int, species: Species, factor: float) -> str:
+    """Settings that multiply the charge and the mass of a macro-particle."""
+    return ", ".join(f"species[{i}].{name} = {getattr(species, name) * factor:.8g}" for name in ("charge", "mass"))
+
+
+def start_noise(config: PlasmaConfig) -> float:
+    """Energy of the field of random places over that of the heat, on one axis; nan on more, 0 where places are even.
+
+    The sum over waves of (2/sqrt(N))^2 q^2 N^2/(4 eps0 k^2 L): N q^2 L/(24 eps0), of the longest waves most. Against
+    N m v^2/2 of one species it is L^2/(12 N lambda_D^2).
+    """
+    if field_axes(config) != 1:
+        return math.nan
+    axis = next(axis for axis, n in enumerate(config.points) if n > 1)
+    length, field, heat = config.simulation.space_length[axis], 0.0, 0.0
+    for species in config.species:
+        n, thermal = species.particles or 0, thermal_velocities(config, species)[axis]
+        heat += 0.5 * n * macro_mass(config, species) * thermal * thermal
+        if random_places(species):
+            charge = macro_charge(config, species)
+            field += n * charge * charge * length / (24 * config.constants.vacuum_permittivity)
+    return field / heat if heat else math.nan

@@ -1,0 +1,44 @@
+"""Frequencies, lengths and charges that follow from a plasma case without a limit: what forecasts are made of."""
+
+import math
+
+from hpcpic.plasma.case.config import PlasmaConfig, Species, volume
+from hpcpic.plasma.setup.loaders import loader_of
+
+
+def plasma_frequency(config: PlasmaConfig, species: Species) -> float:
+    """wp of one species in rad/s: its own where the case gives it, else sqrt(n q^2 / (eps0 m))."""
+    if not species.particles:
+        return 0.0
+    if species.plasma_frequency:
+        return species.plasma_frequency
+    density = species.density or species.particles / volume(config)
+    ratio = species.charge / species.mass
+    return math.sqrt(density * species.charge * ratio / config.constants.vacuum_permittivity)
+
+
+def total_plasma_frequency(config: PlasmaConfig) -> float:
+    return math.hypot(0.0, *(plasma_frequency(config, species) for species in config.species))
+
+
+def thermal_velocities(config: PlasmaConfig, species: Species) -> tuple[float, ...]:
+    """Standard deviation of the velocity per grid axis, m/s, that beams and waves have no part in."""
+    populations = loader_of(species).populations
+    return tuple(max(part.spread for part in populations(species, axis)) for axis in range(config.dimensions))
+
+
+def spacing(config: PlasmaConfig) -> tuple[float, ...]:
+    return tuple(length / n for length, n in zip(config.simulation.space_length, config.points))
+
+
+def field_axes(config: PlasmaConfig) -> int:
+    """Axes of more than one point: along the others there is no field."""
+    return sum(n > 1 for n in config.points)
+
+
+def charge_density(config: PlasmaConfig, species: Species) -> float:
+    """Mean charge density of one species; where wp is given, wp^2 eps0 / (q/m)."""
+    if species.plasma_frequency and species.particles:
+        wp = species.plasma_frequency
+        return wp * wp * config.constants.vacuum_permittivity * species.mass / species.charge
+    return (species.density or species.particles / volume(config)) * species.charge if species.particles else 0.0

@@ -1,0 +1,105 @@
+"""Particles per Debye length, waves over the noise of random places, and the field that such places start with."""
+
+import math
+
+import numpy as np
+import pytest
+from app_runner import running
+
+from hpcpic.core.case.config import loads
+from hpcpic.core.case.derived import Derived
+from hpcpic.core.comm.world import World
+from hpcpic.plasma.configure import configure
+from hpcpic.plasma.forecast.derived import derived
+from hpcpic.plasma.forecast.noise import start_noise
+
+FEW = """
+simulation = { cycles = 400; time_step = 0.05; space_length = [12.566370614359172]; };
+grid = { points = [64]; };
+species = ({ name = "e"; particles = 64; charge = -1.0; mass = 1.0; init_method = "random"; plasma_frequency = 1.0;
+             thermal_velocity = 1.0; perturbation = { mode = [1]; amplitude = 0.01; }; });
+output = { modes = ([1]); every = { series = 1; }; };
+"""
+PER_DEBYE, OVER_NOISE = "N_D", "a sqrt(N)/2"
+FLAT = ("simulation.space_length=[8, 4]", "grid.points=[8, 4]", "species[0].perturbation.mode=[1, 0]")
+DEEP = ("simulation.space_length=[8, 4, 4]", "grid.points=[8, 4, 4]", "species[0].perturbation.mode=[1, 0, 0]")
+NO_MODES = "output.modes=()"
+
+
+def checked(*sets: str) -> dict[str, Derived]:
+    return {number.symbol: number for number in derived(configure(loads(FEW, sets=sets)))}
+
+
+def test_a_wave_of_few_random_electrons_is_noise_and_the_check_says_so():
+    found = checked()
+    assert found[PER_DEBYE].value == pytest.approx(64 / (4 * math.pi)) and found[PER_DEBYE].verdict == "warn"
+    assert found[OVER_NOISE].value == pytest.approx(0.01 * 8 / 2) and found[OVER_NOISE].verdict == "warn"
+
+
+@pytest.mark.parametrize(
+    "sets, counted",
+    [
+        ((*FLAT, NO_MODES), math.pi * 64 / 32),
+        ((*FLAT, "grid.points=[8, 1]", NO_MODES), 64 / 8),
+        ((*DEEP, NO_MODES), 4 / 3 * math.pi * 64 / 128),
+        (("species[0].thermal_velocity=0.5",), 0.5 * 64 / (4 * math.pi)),
+        (("species[0].plasma_frequency=2",), 0.5 * 64 / (4 * math.pi)),
+    ],
+)
+def test_particles_are_counted_in_the_length_circle_and_sphere_of_debye(sets, counted):
+    assert checked(*sets)[PER_DEBYE].value == pytest.approx(counted)
+
+
+@pytest.mark.parametrize("method", ["quiet", "strata"])
+def test_ordered_places_are_not_warned_of(method):
+    found = checked(f'species[0].init_method="{method}"')
+    assert found[PER_DEBYE].limit == "" and OVER_NOISE not in found
+
+
+def test_a_cold_species_and_one_without_a_charge_have_no_debye_length():
+    assert PER_DEBYE not in checked("species[0].thermal_velocity=0")
+    assert PER_DEBYE not in checked("species[0].plasma_frequency=0", "species[0].charge=0")
+
+
+def test_a_velocity_makes_a_wave_too():
+    """In a cold plasma a velocity b makes the density k b/wp, a quarter of a period after it."""
+    found = checked("species[0].perturbation={amplitude=0; velocity_amplitude=0.3;}", "species[0].plasma_frequency=2")
+    assert found[OVER_NOISE].value == pytest.approx(0.5 * 0.3 / 2 * 8 / 2)
+    assert OVER_NOISE not in checked("species[0].perturbation.amplitude=0")
+
+
+@pytest.mark.parametrize("n", [64, 4096])
+def test_the_noise_of_a_mode_is_as_random_places_start_with(n):
+    """Relative density of mode 1 in 40 starts, and the field that a run begins with: E = rho/k, as eps0 = rho_0 = 1."""
+    square, field = [], []
+    for seed in range(40):
+        sets = [f"species[0].particles={n}", f"simulation.random_seed={seed}", "species[0].perturbation.amplitude=1e-9"]
+        with running(World.alone(), "hpcpic", configure(loads(FEW, sets=sets))) as app:
+            (species,) = app.scene.species
+            x = species.positions(np.arange(n))[:, 0]
+            square.append(abs(2 / n * np.exp(-0.5j * x).sum()) ** 2)
+            field.append(math.hypot(*(app.scalars()[f"mode_1_{part}"] for part in ("re", "im"))) * 0.5)
+    assert np.mean(square) == pytest.approx(4 / n, rel=0.5)  # an exponential distribution: 16 % is one deviation
+    assert field == pytest.approx(np.sqrt(square), rel=0.01)
+
+
+def test_a_wave_has_the_amplitude_that_stands_over_the_noise():
+    sets = ('species[0].init_method="quiet"', "species[0].particles=4096")
+    with running(World.alone(), "hpcpic", configure(loads(FEW, sets=sets))) as app:
+        started = math.hypot(*(app.scalars()[f"mode_1_{part}"] for part in ("re", "im")))
+    assert started == pytest.approx(0.01 / 0.5, rel=5e-3)
+
+
+def test_random_places_start_with_the_field_that_is_foretold():
+    """On average: the field of one start is mostly that of its longest waves, which differ."""
+    sets = ["species[0].particles=1024", "species[0].thermal_velocity=0.2", "species[0].perturbation.amplitude=0"]
+    config = configure(loads(FEW, sets=sets))
+    assert start_noise(config) == pytest.approx((4 * math.pi) ** 2 / (12 * 1024 * 0.2**2))
+    found = []
+    for seed in range(40):
+        config = configure(loads(FEW, sets=[*sets, f"simulation.random_seed={seed}"]))
+        with running(World.alone(), "hpcpic", config) as app:
+            scalars = app.scalars()
+            found.append(scalars["energy_total"] / scalars["energy_kinetic"] - 1)
+    assert np.mean(found) == pytest.approx(start_noise(config), rel=0.3)
+    assert start_noise(configure(loads(FEW, sets=['species[0].init_method="quiet"']))) == 0.0
