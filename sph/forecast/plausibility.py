@@ -9,6 +9,7 @@ from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived, Verdict, judged
 from sph.case import geometry
 from sph.case.config import AXES, SphConfig
+from sph.forecast.speed_limits import speed_limits
 from sph.physics import stability
 from sph.physics.fluxes import FLUXES
 from sph.physics.stray_limits import MAX_DENSITY_ERROR, most_strays
@@ -43,6 +44,7 @@ def sensible(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     yield from dissipation(config)
     yield from steps(config)
     yield from directions(config)
+    yield from speed_limits(config, scene)
     yield from jumps(config, scene)
     yield from depths(config, scene)
     yield from gases(config, scene)
@@ -84,8 +86,8 @@ def directions(config: SphConfig) -> Iterator[Derived]:
     key: Path = ("gravity",)
     if math.hypot(*g) > STRONGEST:
         cure = f"gravity = [{', '.join(f'{value / 100:g}' for value in g)}], if this is in cm/s2"
-        yield Derived("gravity", "|g|", math.hypot(*g), "m/s2", f"<= {STRONGEST:g}", "warn", "ten times that of the Earth",
-                      cure, key)  # fmt: skip
+        yield Derived("gravity", "|g|", math.hypot(*g), "m/s2", f"<= {STRONGEST:g}", "warn",
+                      "ten times that of the Earth", cure, key)  # fmt: skip
     if g[up] > 0:
         down = [*(f"{value:g}" for value in g[:up]), f"{-g[up]:g}"]
         yield Derived(f"gravity along {AXES[up]}", "", g[up], "m/s2", "<= 0", "fail", f"{AXES[up]} is up",

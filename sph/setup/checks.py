@@ -193,7 +193,7 @@ def relations(config: SphConfig) -> Iterator[Fault]:
     yield from liquid_faults(config)
     moving = config.eos.sound_speed or config.eos.max_velocity or not config.fluid
     if not moving and not speed_scale(config):
-        yield ("eos",), "max_velocity or sound_speed is missing: neither gravity nor the initial state tells a speed"
+        yield ("eos",), "max_velocity or sound_speed is missing: nothing tells a speed, as gravity or what moves does"
     viscous = any(fluid.dynamic_viscosity for fluid in config.fluid)
     if VISCOSITIES[config.numerics.viscosity_form or "none"].physical and not viscous:
         yield ("numerics", "viscosity_form"), 'needs a fluid with viscosity > 0, or "none"'
