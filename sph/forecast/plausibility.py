@@ -9,6 +9,7 @@ from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived, Verdict, judged
 from sph.case import geometry
 from sph.case.config import AXES, SphConfig
+from sph.forecast.slips import slips
 from sph.forecast.speed_limits import speed_limits
 from sph.physics import stability
 from sph.physics.fluxes import FLUXES
@@ -49,6 +50,7 @@ def sensible(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     yield from depths(config, scene)
     yield from gases(config, scene)
     yield from bodies_outside(config)
+    yield from slips(config, scene)
     yield from falling(scene)
     yield from rigid_bodies(scene)
     yield from films(scene)
@@ -209,7 +211,7 @@ def bodies_outside(config: SphConfig) -> Iterator[Derived]:
         if not (boxes and wall.solid) or wall.motion or wall.shape.plane:
             continue
         low, high = geometry.bounds(wall.shape)
-        away = min(_apart(low, high, *box) for box in boxes)
+        away = min(geometry.apart(low, high, *box) for box in boxes)
         if away > stability.support_of(config):
             cure = "scale = 0.001 for a file in millimetres" if wall.shape.stl else "a place inside of a tank or fluid"
             path: Path = ("stl", "scale") if wall.shape.stl else ()
@@ -335,8 +337,3 @@ def _in_wall(scene: Scene, wall: Wall, inlet: Source) -> np.ndarray:
         outside = wall.section.solid or wall.shape.plane
         found |= (signed_distance(wall.shape, x) < margin) if outside else (depth_in(wall, x) > -margin)
     return found
-
-
-def _apart(low: geometry.Point, high: geometry.Point, a: geometry.Point, b: geometry.Point) -> float:
-    """Between two boxes, m."""
-    return math.hypot(*(max(0.0, p - d, c - q) for p, q, c, d in zip(low, high, a, b)))

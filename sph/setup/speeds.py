@@ -98,7 +98,8 @@ def pushing_speed(wall: Any, end: float) -> float:
         axes = range(config.dimensions)
         up, down = (np.array([pushes(wall, ways, k, upwards) for k in axes]) for upwards in (True, False))
         ahead = speeds * np.where(speeds > 0.0, up, down)
-    drags = not wall.rule.slips and any(fluid.dynamic_viscosity for fluid in config.fluid)
+    viscous = any(fluid.dynamic_viscosity for fluid in config.fluid)
+    drags = viscous and not (wall.section.solid or wall.rule.slips or wall.rule.repulsive)  # a solid slides out of it
     return float(np.max(np.linalg.norm(speeds if drags else ahead, axis=1)))
 
 

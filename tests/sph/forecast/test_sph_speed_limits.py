@@ -29,6 +29,7 @@ def block(motion, low, high):
     ("gate", 0.0, {"wall": block("velocity = [3.0, 0.0];", "[1.0, 0.0]", "[1.1, 0.9]")}),
     ("gate", 0.0, {"wall": block("velocity = [0.0, 3.0];", "[1.0, 0.0]", "[1.1, 0.9]")}),
     ("gate", 3.0, {"wall": block(LATER, "[2.0, 0.0]", "[2.1, 0.9]")}),  # it comes to the water from afar
+    ("gate", 0.0, {"wall": gate("velocity = [0.0, 50.0];"), "fluid": VISCOUS}),
     ("lid", 0.0, {"wall": PLATE.format("velocity = [50.0, 0.0];", "extrapolated-free-slip")}),
     ("lid", 4.0, {"wall": PLATE.format("velocity = [50.0, -4.0];", "extrapolated-free-slip")}),
     ("lid", 50.0, {"wall": PLATE.format("velocity = [50.0, 0.0];", "extrapolated-no-slip"), "fluid": VISCOUS}),
