@@ -52,3 +52,31 @@ def test_the_cure_of_a_tank_that_moves_is_one():
 def test_without_gravity_walls_tell_the_sound_speed():
     lid = PLATE.format("velocity = [1e-3, 0.0];", "extrapolated-no-slip")
     assert told(wall=lid, fluid=VISCOUS, gravity="[0.0, 0.0]")["sound speed"].value == pytest.approx(1e-2)
+
+
+FLOOR = '{{ name = "floor_{}"; solid = true; shape = {{ box = {{ low = [{}, -0.2]; high = [{}, 0.0]; }}; }}; {} }}'
+FALL = "sound speed over the speed of a free fall"
+BELOW = '{ low = [0.0, -2.0]; high = [1.0, 1.0]; outflow = ["y-"]; }'
+
+
+def slotted(*floors):
+    sides = PARTS["wall"].replace('"y+"', '"y+", "y-"')
+    return f"{sides[:-1]}, {', '.join(FLOOR.format(k, *floor) for k, floor in enumerate(floors))} )"
+
+
+@pytest.mark.parametrize("floors, low, verdict", [
+    ([(0.0, 0.4, ""), (0.6, 1.0, "")], -2.0, "warn"),
+    ([(0.0, 0.4, ""), (0.6, 1.0, "")], -0.25, None),  # half as deep as the water is enough for twice its height
+    ([(0.0, 1.0, "")], -2.0, "ok"),
+    ([(0.0, 0.4, ""), (0.4, 1.0, "motion = { velocity = [0.3, 0.0]; };")], -2.0, "warn"),  # it opens
+    ([(0.0, 0.4, ""), (0.6, 1.0, ""), (0.2, 0.8, "type = \"extrapolated-free-slip\";")], -2.0, "ok"),
+])  # fmt: skip
+def test_a_fall_to_where_fluid_can_come_is_told_before_the_run(floors, low, verdict):
+    parts = {"wall": slotted(*floors), "domain": BELOW.replace("-2.0", str(low))}
+    number = told(**parts).get(FALL)
+    assert (number.verdict if number else None) == verdict
+    if verdict == "warn":
+        speed = (2 * 9.81 * (0.3 - low)) ** 0.5
+        assert told(**parts)["sound speed"].value / number.value == pytest.approx(speed, rel=0.03)
+        cured = told(**parts, eos=f"{{ {number.cure}; }}")
+        assert FALL not in cured
