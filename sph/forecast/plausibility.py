@@ -266,12 +266,15 @@ def films(scene: Scene) -> Iterator[Derived]:
 
 def rigid_bodies(scene: Scene) -> Iterator[Derived]:
     """Gaps between rigid bodies and walls, and how light a body is."""
+    told: set[frozenset[str]] = set()  # pairs, each of which is told once
     for wall in scene.walls:
         if not wall.rigid:
             continue
         x, key = wall.near(*wall.bounds)[1], ("wall", wall.index)
-        gaps = [(gap(wall, other), other.name) for other in scene.walls if other is not wall]
+        others = [other for other in scene.walls if other is not wall and {wall.name, other.name} not in told]
+        gaps = [(gap(wall, other), other.name) for other in others]
         for least, name in sorted(gaps)[:1]:
+            told.add(frozenset((wall.name, name)))
             verdict: Verdict = "ok" if least >= -TOUCHING * scene.spacing else "fail"
             source = "contacts push apart what overlaps"
             cure = "" if verdict == "ok" else f"a place where it touches {name} or is away from it"
