@@ -190,7 +190,15 @@ class Place(Section):
     displacement: Vector = setting(REQUIRED, "from the initial place", "m")
 
 
+TURNING = (
+    "walls do not turn: compute in the frame of the tank, with the forces of that frame as fluid.acceleration "
+    '(docs/start/python.md, "An acceleration")'
+)
+
+
 class Motion(Section):
+    instead = dict.fromkeys(("angular_velocity", "rotation", "omega", "angle", "axis", "centre"), TURNING)
+
     velocity: Vector = setting((), "constant velocity", "m/s")
     amplitude: Vector = setting((), "of a displacement a sin(2 pi t / period)", "m")
     period: float = setting(1.0, "of the oscillation", "s", gt=0)

@@ -109,6 +109,14 @@ def test_a_name_that_two_gauges_have_is_told_once():
     assert "'a' is taken by gauge[0]" in told and told.count("gauge[1].name") == 1
 
 
+def test_a_tank_that_shall_turn_is_told_what_can_be_done():
+    wall = f"wall = ( {{ shape = {BOX}; motion = {{ angular_velocity = [1.0]; }}; }} );"
+    told = refused(BASE + wall)
+    assert "wall[0].motion.angular_velocity: unknown key; walls do not turn" in told
+    assert "fluid.acceleration" in told and "did you mean" not in told
+    assert "did you mean 'velocity'" in refused(BASE + wall.replace("angular_", "angular_v_"))
+
+
 def test_an_stl_file_is_looked_for_beside_the_case(tmp_path):
     case = tmp_path / "case.conf"
     case.write_text(
