@@ -136,7 +136,11 @@ class Eos(Section):
     sound_speed: float | None = setting(None, "c0", "m/s", gt=0)
     sound_speed_factor: float = setting(10.0, "c0 / max_velocity where sound_speed is not given", gt=0)
     max_velocity: float | None = setting(
-        None, "largest velocity to expect; by default sqrt(2 g H) and what moves at t = 0", "m/s", gt=0
+        None,
+        "largest velocity to expect; by default the largest of sqrt(2 g H), fluids and bodies at t = 0, inlets and "
+        "walls that swing. Other walls that move count without gravity only: a gate need not push fluid",
+        "m/s",
+        gt=0,
     )
     gamma: float = setting(7.0, "exponent of the equation of state (MP 14)", ge=1)
     background_pressure: float | None = setting(
@@ -186,7 +190,15 @@ class Place(Section):
     displacement: Vector = setting(REQUIRED, "from the initial place", "m")
 
 
+TURNING = (
+    "walls do not turn: compute in the frame of the tank, with the forces of that frame as fluid.acceleration "
+    '(docs/start/python.md, "An acceleration")'
+)
+
+
 class Motion(Section):
+    instead = dict.fromkeys(("angular_velocity", "rotation", "omega", "angle", "axis", "centre"), TURNING)
+
     velocity: Vector = setting((), "constant velocity", "m/s")
     amplitude: Vector = setting((), "of a displacement a sin(2 pi t / period)", "m")
     period: float = setting(1.0, "of the oscillation", "s", gt=0)

@@ -53,6 +53,11 @@ def middle(shape: Shape) -> Point:
     return tuple((a + b) / 2 for a, b in zip(*bounds(shape)))
 
 
+def apart(low: Point, high: Point, a: Point, b: Point) -> float:
+    """How far a box from low to high is from one from a to b, m."""
+    return math.hypot(*(max(0.0, p - d, c - q) for p, q, c, d in zip(low, high, a, b)))
+
+
 def volume(shape: Shape) -> float:
     """Volume in 3D, m3; area in 2D, m2."""
     d = len(bounds(shape)[0])

@@ -10,6 +10,7 @@ from hpcpic.core.case.derived import Derived, Verdict, rounded_down
 from sph.case import geometry
 from sph.case.config import WALL_PRESSURE, SphConfig
 from sph.forecast.plausibility import sensible
+from sph.forecast.size import size
 from sph.kernels.marks import CODES
 from sph.physics import stability
 from sph.physics.fluxes import FLUXES
@@ -37,9 +38,13 @@ CFL, STEP = ("simulation", "cfl"), ("simulation", "time_step")
 
 
 def derived(config: SphConfig, ranks: int = 1) -> list[Derived]:
-    """Every derived number of a completed case that runs on so many ranks."""
+    """Every derived number of a completed case that runs on so many ranks; of one that is too large to be made, why."""
+    sizes = list(size(config, ranks))
+    if any(number.verdict == "fail" for number in sizes):
+        return [*step(config), *compressibility(config), *resolution(config), *sizes]
     scene = Scene(config)
     return [
+        *sizes,
         *step(config),
         *compressibility(config),
         *resolution(config),

@@ -19,16 +19,41 @@ from sph.setup.pair_numbers import pair_spec_of
 from sph.setup.scene import AHEAD, Scene, Wall
 
 MIB = 2.0**20
+MOST_PLACES = 1e9  # of a lattice, which are looked at before a run: of triangles half an hour
+MOST_COUNTED = 5e7  # beyond, particles are not counted one by one
 FIXED_BYTES = 272_000  # of graphs, tables and heads of arrays: what runs of 10, 20 and 40 thousand particles have alike
+
+
+def cell(config: SphConfig) -> float:
+    """Room of a particle, m3, in 2D m2."""
+    return config.numerics.spacing**config.dimensions
+
+
+def places(config: SphConfig) -> dict[str, float]:
+    """Places of lattices that are looked at to make fluids and walls, by name, without looking at any."""
+    walls = [wall for wall in config.wall if not wall.shape.plane and (wall.body or not wall.shape.box)]
+    filled: list[case.Fluid | case.Wall] = [*config.fluid, *walls]
+    edges = {one.name: [b - a for a, b in zip(*geometry.bounds(one.shape))] for one in filled}
+    return {name: math.prod(max(1.0, edge / config.numerics.spacing) for edge in ends) for name, ends in edges.items()}
+
+
+def many(config: SphConfig) -> bool:
+    """True if there are so many particles, or places for them, that counting them takes long."""
+    n = places(config)
+    return max(n.values(), default=0.0) > MOST_PLACES or sum(n[fluid.name] for fluid in config.fluid) > MOST_COUNTED
 
 
 def counts(config: SphConfig) -> tuple[int, float]:
     """Fluid particles, at the end where they only come in, and those of the walls that are made around the fluid at t =
     0 (about).
     """
-    scene = Scene(config)
     if not config.fluid:
         return 0, 0.0
+    if many(config):
+        fluid = sum(geometry.volume(fluid.shape) for fluid in config.fluid)
+        rigid = sum(geometry.volume(wall.shape) for wall in config.wall if wall.body)
+        return round(fluid / cell(config)), rigid / cell(config)
+    scene = Scene(config)
     low, high = _around_fluid(scene, AHEAD)
     made = [(wall, wall.layers if wall.rule.layered else 1) for wall in scene.walls if not wall.rule.images]
     grows = config.inlet and not (config.outlet or config.domain.outflow)
@@ -38,9 +63,9 @@ def counts(config: SphConfig) -> tuple[int, float]:
 
 def images(config: SphConfig) -> float:
     """Images of the fluid at t = 0 in mirrors and periodic sides (about)."""
-    scene, reach = Scene(config), support_of(config) / config.numerics.spacing
-    if not config.fluid:
+    if not config.fluid or many(config):
         return 0.0
+    scene, reach = Scene(config), support_of(config) / config.numerics.spacing
     low, high = _around_fluid(scene, 1.0)
     faces = sum(_of_faces(scene, wall, low, high) for wall in scene.walls if wall.rule.images)
     edges = (high - low) / scene.spacing

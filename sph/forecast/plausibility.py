@@ -9,6 +9,8 @@ from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived, Verdict, judged
 from sph.case import geometry
 from sph.case.config import AXES, SphConfig
+from sph.forecast.slips import slips
+from sph.forecast.speed_limits import speed_limits
 from sph.physics import stability
 from sph.physics.fluxes import FLUXES
 from sph.physics.stray_limits import MAX_DENSITY_ERROR, most_strays
@@ -43,10 +45,12 @@ def sensible(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     yield from dissipation(config)
     yield from steps(config)
     yield from directions(config)
+    yield from speed_limits(config, scene)
     yield from jumps(config, scene)
     yield from depths(config, scene)
     yield from gases(config, scene)
     yield from bodies_outside(config)
+    yield from slips(config, scene)
     yield from falling(scene)
     yield from rigid_bodies(scene)
     yield from films(scene)
@@ -84,8 +88,8 @@ def directions(config: SphConfig) -> Iterator[Derived]:
     key: Path = ("gravity",)
     if math.hypot(*g) > STRONGEST:
         cure = f"gravity = [{', '.join(f'{value / 100:g}' for value in g)}], if this is in cm/s2"
-        yield Derived("gravity", "|g|", math.hypot(*g), "m/s2", f"<= {STRONGEST:g}", "warn", "ten times that of the Earth",
-                      cure, key)  # fmt: skip
+        yield Derived("gravity", "|g|", math.hypot(*g), "m/s2", f"<= {STRONGEST:g}", "warn",
+                      "ten times that of the Earth", cure, key)  # fmt: skip
     if g[up] > 0:
         down = [*(f"{value:g}" for value in g[:up]), f"{-g[up]:g}"]
         yield Derived(f"gravity along {AXES[up]}", "", g[up], "m/s2", "<= 0", "fail", f"{AXES[up]} is up",
@@ -207,7 +211,7 @@ def bodies_outside(config: SphConfig) -> Iterator[Derived]:
         if not (boxes and wall.solid) or wall.motion or wall.shape.plane:
             continue
         low, high = geometry.bounds(wall.shape)
-        away = min(_apart(low, high, *box) for box in boxes)
+        away = min(geometry.apart(low, high, *box) for box in boxes)
         if away > stability.support_of(config):
             cure = "scale = 0.001 for a file in millimetres" if wall.shape.stl else "a place inside of a tank or fluid"
             path: Path = ("stl", "scale") if wall.shape.stl else ()
@@ -262,12 +266,15 @@ def films(scene: Scene) -> Iterator[Derived]:
 
 def rigid_bodies(scene: Scene) -> Iterator[Derived]:
     """Gaps between rigid bodies and walls, and how light a body is."""
+    told: set[frozenset[str]] = set()  # pairs, each of which is told once
     for wall in scene.walls:
         if not wall.rigid:
             continue
         x, key = wall.near(*wall.bounds)[1], ("wall", wall.index)
-        gaps = [(gap(wall, other), other.name) for other in scene.walls if other is not wall]
+        others = [other for other in scene.walls if other is not wall and {wall.name, other.name} not in told]
+        gaps = [(gap(wall, other), other.name) for other in others]
         for least, name in sorted(gaps)[:1]:
+            told.add(frozenset((wall.name, name)))
             verdict: Verdict = "ok" if least >= -TOUCHING * scene.spacing else "fail"
             source = "contacts push apart what overlaps"
             cure = "" if verdict == "ok" else f"a place where it touches {name} or is away from it"
@@ -333,8 +340,3 @@ def _in_wall(scene: Scene, wall: Wall, inlet: Source) -> np.ndarray:
         outside = wall.section.solid or wall.shape.plane
         found |= (signed_distance(wall.shape, x) < margin) if outside else (depth_in(wall, x) > -margin)
     return found
-
-
-def _apart(low: geometry.Point, high: geometry.Point, a: geometry.Point, b: geometry.Point) -> float:
-    """Between two boxes, m."""
-    return math.hypot(*(max(0.0, p - d, c - q) for p, q, c, d in zip(low, high, a, b)))

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 from hpcpic.core.case import accelerations
 from hpcpic.core.case.config import Path
+from hpcpic.core.case.gauge import STEP, TAKEN, TIME
 from hpcpic.core.case.own_functions import formula_fault
 from hpcpic.core.case.schema import Section
 from hpcpic.core.case.words import unknown
@@ -162,7 +163,10 @@ def names(config: SphConfig) -> Iterator[Fault]:
             yield ("gauge", i, "wall"), unknown(gauge.wall, walls)
         elif gauge.wall and config.wall[walls.index(gauge.wall)].body:
             yield ("gauge", i, "wall"), f"{gauge.wall} is a body, which may turn: its force is in the series"
-        if double := sorted(columns & set(own)):
+        if {STEP, TIME} & set(own):
+            yield ("gauge", i, "name"), TAKEN
+        first = taken[True, name_of("gauge", i, gauge)] == f"gauge[{i}]"
+        if first and (double := sorted(columns & set(own))):
             yield ("gauge", i, "name"), f"the series has a column {', '.join(double)} without it"
         columns |= set(own)
 
@@ -193,7 +197,7 @@ def relations(config: SphConfig) -> Iterator[Fault]:
     yield from liquid_faults(config)
     moving = config.eos.sound_speed or config.eos.max_velocity or not config.fluid
     if not moving and not speed_scale(config):
-        yield ("eos",), "max_velocity or sound_speed is missing: neither gravity nor the initial state tells a speed"
+        yield ("eos",), "max_velocity or sound_speed is missing: nothing tells a speed, as gravity or what moves does"
     viscous = any(fluid.dynamic_viscosity for fluid in config.fluid)
     if VISCOSITIES[config.numerics.viscosity_form or "none"].physical and not viscous:
         yield ("numerics", "viscosity_form"), 'needs a fluid with viscosity > 0, or "none"'

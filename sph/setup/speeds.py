@@ -4,6 +4,9 @@ import itertools
 import math
 from typing import Any
 
+import numpy as np
+
+from hpcpic.core.space.shapes import unit
 from sph.case import geometry
 from sph.case.config import AXES, Fluid, Motion, SphConfig, Wall
 from sph.case.openings import Inlet
@@ -15,11 +18,13 @@ PEAKS = {"uniform": 1.0, "parabolic": 1.5}  # largest velocity of a profile over
 
 def speed_scale(config: SphConfig) -> float:
     """sqrt(2 g H) of the height H along gravity of liquids and of bodies above them, what moves at t = 0, what flows
-    in, and walls that swing, m/s: these push fluid, as others, such as a gate, need not.
+    in, and walls that swing, m/s: these push fluid, as others, such as a gate, need not. Without gravity all walls
+    that move: nothing else may move fluid there.
     """
     g = math.hypot(*config.gravity)
     speeds = [geometry.length(fluid.velocity) + flows.speed(config, fluid) for fluid in config.fluid]
-    speeds += [motion_speed(wall.motion) for wall in config.wall if wall.motion and any(wall.motion.amplitude)]
+    speeds += [motion_speed(wall.motion) for wall in config.wall
+               if wall.motion and (any(wall.motion.amplitude) or not g)]  # fmt: skip
     speeds += [geometry.length(wall.body.velocity) for wall in config.wall if wall.body]
     speeds += [fastest(config, inlet) for inlet in config.inlet]
     if g:
@@ -75,3 +80,40 @@ def speed_jump(wall: Any, end: float) -> float:
         if not any(slides(wall, way) for way in ways):
             changes.append(min(geometry.length(way) for way in ways))
     return max(changes, default=0.0)
+
+
+def pushing_speed(wall: Any, end: float) -> float:
+    """Largest speed until a time in s, m/s, with which a wall pushes fluid, carries it or drags it along: not that of a
+    gate that leaves the fluid or slides along it.
+    """
+    motion, quarters = wall.section.motion, range(5 if any(wall.section.motion.amplitude) else 0)
+    times = [0.0, end, motion.start, motion.stop, *(place.time for place in motion.path)]
+    times += [motion.start + k * motion.period / 4 for k in quarters]
+    moves = [wall.motion(t)[:2] for t in times if t is not None and t <= end]
+    ways, speeds = (np.array(rows) for rows in zip(*moves))
+    config = wall.scene.config
+    if wall.shape.plane:
+        ahead = np.clip(speeds @ unit(wall.shape.plane.normal), 0.0, None)[:, None]
+    else:
+        axes = range(config.dimensions)
+        up, down = (np.array([pushes(wall, ways, k, upwards) for k in axes]) for upwards in (True, False))
+        ahead = speeds * np.where(speeds > 0.0, up, down)
+    viscous = any(fluid.dynamic_viscosity for fluid in config.fluid)
+    drags = viscous and not (wall.section.solid or wall.rule.slips or wall.rule.repulsive)  # a solid slides out of it
+    return float(np.max(np.linalg.norm(speeds if drags else ahead, axis=1)))
+
+
+def pushes(wall: Any, ways: np.ndarray, k: int, up: bool) -> bool:
+    """True if a wall that makes these ways[n, d] in m pushes fluid by going up or down along axis k: a hollow by what
+    closes it behind, a solid if there is fluid at t = 0 before it.
+    """
+    if not wall.section.solid:
+        return not wall.shape.box or AXES[k] + "-+"[not up] in wall.closed
+    low, high = wall.corners[0] + ways.min(axis=0), wall.corners[1] + ways.max(axis=0)
+    if up:
+        low[k] = wall.corners[1][k]
+    else:
+        high[k] = wall.corners[0][k]
+    tiny = 1e-6 * wall.scene.spacing
+    boxes = (geometry.bounds(fluid.shape) for fluid in wall.scene.config.fluid)
+    return any(np.all(low + tiny < b) and np.all(high - tiny > a) for a, b in boxes)

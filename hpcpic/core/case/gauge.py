@@ -8,6 +8,8 @@ from hpcpic.core.case.schema import REQUIRED, Section, Vector, setting
 from hpcpic.core.case.words import unknown
 
 AXES = "xyz"
+STEP, TIME = "step", "time"  # of the rows of every series
+TAKEN = f"{STEP} and {TIME} are columns of every series: another name"
 
 
 class Gauge(Section):
@@ -48,6 +50,8 @@ def gauge_faults(
         if gauge.what not in fields:
             yield (*here, "what"), unknown(gauge.what, fields)
             continue
+        if {STEP, TIME} & gauge.columns(fields).keys():
+            yield (*here, "name"), TAKEN
         if len(gauge.at) != len(lengths):
             yield (*here, "at"), f"needs {len(lengths)} numbers in {len(lengths)}D (got {len(gauge.at)})"
         elif not all(0 <= x <= length for x, length in zip(gauge.at, lengths)):

@@ -5,7 +5,7 @@ import functools
 import math
 import re
 import typing
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, TypeVar
 
@@ -55,6 +55,8 @@ class Section(BaseModel):
     ignored: ClassVar[tuple[str, ...]] = ()
     # keys ("fluid[].kinematic_viscosity") that `modernised` understands beside those of the schema
     rewritten: ClassVar[tuple[str, ...]] = ()
+    # keys that a user may look for here and that there are not -> what is done instead
+    instead: ClassVar[Mapping[str, str]] = {}
     # largest magnitude of a number, the inverse of the smallest: products of a few must stay in floating point
     largest: ClassVar[float] = math.inf
 
@@ -294,6 +296,8 @@ def nearest_key(model: type[Section], path: Path) -> str:
     own = model
     for part in groups:
         own = (section_of(own.model_fields[part]) or own) if isinstance(part, str) else own
+    if name in own.instead:
+        return f"; {own.instead[str(name)]}"
     place = re.sub(r"\[\d+\]", "[]", dotted(tuple(groups)))
     elsewhere = [key for key in keys_of(model) if key.rpartition(".")[2] == name]
     for word in SYNONYMS.get(str(name).lower(), ()):

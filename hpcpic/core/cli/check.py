@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from functools import reduce
 from typing import Any
 
@@ -12,7 +14,8 @@ from hpcpic.core.app.rates import read_rates
 from hpcpic.core.app.read import Case, read_case, set_option, shape_options
 from hpcpic.core.app.text import shown, table
 from hpcpic.core.app.use import use_option
-from hpcpic.core.case.derived import Derived
+from hpcpic.core.case.config import dotted
+from hpcpic.core.case.derived import Derived, rounded_down
 from hpcpic.core.cli.cures import cures
 from hpcpic.core.cores import allotted, crowded
 from hpcpic.core.errors import CheckFailed
@@ -30,9 +33,22 @@ def print_derived(numbers: list[Derived]) -> None:
 
 
 def numbers_of(app: App, config: Any, ranks: int) -> list[Derived]:
-    """The derived numbers of a case and, where it would take longer than LONGEST, its time."""
+    """The derived numbers of a case, its outputs that would begin after its end, and its time beyond LONGEST."""
     time = whole_run(app, config, ranks)
-    return [*app.derived(config, ranks), *([time] if time.verdict != "ok" else [])]
+    return [*app.derived(config, ranks), *late_outputs(app, config), *([time] if time.verdict != "ok" else [])]
+
+
+def late_outputs(app: App, config: Any) -> Iterator[Derived]:
+    """Periods of outputs that are longer than the run: nothing between its start and its end is seen."""
+    output = getattr(config, "output", None)
+    steps = config.n_steps or (config.end_time / app.time_step(config) if app.time_step else math.inf)
+    for group, end, unit in (("period", config.end_time, "s"), ("every", steps, "steps")):
+        for name, period in getattr(output, group, ()):
+            if name != "checkpoint" and (period or 0) > end > 0:
+                key, cure = ("output", group, name), rounded_down(end / 20)
+                limit, source = f"<= {end:.4g} {unit}, the whole run", "only the start and the end"
+                yield Derived(f"time between outputs of {name}", "", period, unit, limit, "warn", source,
+                              f"{dotted(key)} = {max(1, int(cure)) if unit == 'steps' else cure:g}", key)  # fmt: skip
 
 
 def whole_run(app: App, config: Any, ranks: int) -> Derived:

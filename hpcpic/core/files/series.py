@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.core.case.gauge import STEP, TIME
 from hpcpic.core.errors import FileError
 from hpcpic.core.files import image
 from hpcpic.core.files.rundir import RunDir, discard, temporary, write_atomic
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 
 CHUNK_ROWS = 512
 FLUSH_SECONDS = 5.0
-STEP, TIME = "step", "time"
 
 
 class Series(dict[str, NDArray]):

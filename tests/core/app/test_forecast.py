@@ -9,7 +9,7 @@ import pytest
 from hpcpic.core.app.forecast import gain, writing_seconds
 from hpcpic.core.app.rates import undisturbed
 from hpcpic.core.app.read import read_case
-from hpcpic.core.cli.check import whole_run
+from hpcpic.core.cli.check import late_outputs, whole_run
 
 
 @pytest.mark.parametrize("cores", [1, 2, 8])
@@ -53,3 +53,22 @@ def test_a_run_that_nobody_can_wait_for_is_told_with_what_a_day_is_enough_for(pr
     assert told[1].key == tuple(key.split(".")) and " steps; " in told[1].cure
     enough = re.search(rf"{key} = \S+", told[1].cure)[0].replace(" ", "")
     assert whole_run(app, read_case(app, case, (enough,)).config, 1).value == pytest.approx(1.0, rel=0.1)
+
+
+@pytest.mark.parametrize("program, period, cure", [
+    ("sph", "output.period.series=1e3", "output.period.series = "),
+    ("sph", "output.every.particles=2000000000", "output.every.particles = "),
+    ("sph", "output.period.checkpoint=1e3", ""),  # there is one at the end
+    ("lbmdem", "output.period.fields=1e3", "output.period.fields = "),
+    ("hpcpic.plasma", "output.every.fields=2000000000", "output.every.fields = "),
+])  # fmt: skip
+def test_outputs_that_begin_after_the_end_are_told(program, period, cure):
+    app = import_module(f"{program}.app").APP
+    case = str(next(iter(app.cases().values())))
+    assert not list(late_outputs(app, read_case(app, case, ()).config))
+    told = list(late_outputs(app, read_case(app, case, (period,)).config))
+    assert [number.verdict for number in told] == ["warn"] * bool(cure)
+    for number in told:
+        assert number.cure.startswith(cure)
+        config = read_case(app, case, (number.cure.replace(" ", ""),)).config
+        assert not list(late_outputs(app, config))

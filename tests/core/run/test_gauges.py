@@ -109,6 +109,12 @@ def test_faults_name_the_gauge_and_what_would_be_right():
     assert not list(gauge_faults([Gauge(what="u", at=(0.0, 3.0))], UNITS, LENGTHS))
 
 
+@pytest.mark.parametrize("name, what, n", [("time", "p", 1), ("step", "p", 1), ("time", "u", 0), ("times", "p", 0)])
+def test_a_gauge_is_not_called_as_the_columns_that_tell_when(name, what, n):
+    faults = list(gauge_faults([Gauge(name=name, what=what, at=(1.0, 1.0))], UNITS, LENGTHS))
+    assert [path for path, _ in faults] == [("gauge", 0, "name")] * n
+
+
 def test_a_column_of_the_series_is_not_overwritten():
     world = World.alone()
     gauges = Gauges([Gauge(name="mass", what="p", at=(1.0, 1.0))], domain(world), world)

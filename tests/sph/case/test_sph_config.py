@@ -96,6 +96,27 @@ def test_all_faults_are_told_at_once():
     assert all(key in message for key in ("numerics.spacing", "eos.gama", "did you mean 'gamma'", "wall[0].type"))
 
 
+@pytest.mark.parametrize("name", ["time", "step"])
+def test_a_gauge_is_not_called_as_the_columns_that_tell_when(name):
+    gauge = FRONT.replace('"a"', f'"{name}"')
+    assert refused(f"{BASE} gauge = ( {gauge} );") == (
+        "case:6:14: gauge[0].name: step and time are columns of every series: another name"
+    )
+
+
+def test_a_name_that_two_gauges_have_is_told_once():
+    told = refused(f"{BASE} gauge = ( {FRONT}, {FRONT} );")
+    assert "'a' is taken by gauge[0]" in told and told.count("gauge[1].name") == 1
+
+
+def test_a_tank_that_shall_turn_is_told_what_can_be_done():
+    wall = f"wall = ( {{ shape = {BOX}; motion = {{ angular_velocity = [1.0]; }}; }} );"
+    told = refused(BASE + wall)
+    assert "wall[0].motion.angular_velocity: unknown key; walls do not turn" in told
+    assert "fluid.acceleration" in told and "did you mean" not in told
+    assert "did you mean 'velocity'" in refused(BASE + wall.replace("angular_", "angular_v_"))
+
+
 def test_an_stl_file_is_looked_for_beside_the_case(tmp_path):
     case = tmp_path / "case.conf"
     case.write_text(

@@ -109,7 +109,7 @@ def test_the_sound_speed_follows_gravity(g):
     text = TANK.replace("-9.81", f"-{g}").replace(RUSANOV, "")
     found = {n.name: n for n in derived(configure(loads(text)))}
     assert found["sound speed"].value == pytest.approx(10 * (2 * g * 0.5) ** 0.5)
-    assert all(n.verdict == "ok" for n in found.values())
+    assert all(n.verdict == ("warn" if n.name == "gravity" else "ok") for n in found.values())
 
 
 def test_no_fluid_is_a_legal_case():

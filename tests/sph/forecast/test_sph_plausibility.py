@@ -359,3 +359,11 @@ def test_a_tank_that_moves_with_its_water_makes_no_sound():
         water = PARTS["fluid"].replace("shape", f"velocity = {velocity}; shape", 1)
         number, c0 = told(fluid=water, wall=wall)[name], told(fluid=water, wall=wall)["sound speed"].value
         assert number.value == pytest.approx(1000.0 * c0 * speed, abs=1e-9)
+
+
+def test_two_bodies_that_overlap_are_told_once():
+    body = """{{ name = "{}"; solid = true; body = {{ density = 500.0; }};
+        shape = {{ box = {{ low = [{}, 0.5]; high = [{}, 0.8]; }}; }}; }}"""
+    found = told(wall=f"{PARTS['wall'][:-1]}, {body.format('a', 0.2, 0.5)}, {body.format('b', 0.4, 0.7)} )")
+    gaps = {name: number.verdict for name, number in found.items() if name.startswith("gap between")}
+    assert gaps == {"gap between a and b": "fail", "gap between b and tank": "ok"}

@@ -1,0 +1,85 @@
+"""Slips of a unit or of a place: densities of no liquid, water over the rim of its tank, hinges far from their body."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from hpcpic.core.case.derived import Derived
+from sph.case import geometry
+from sph.case.config import AXES, Fluid, SphConfig
+from sph.setup.scene import Scene, Wall
+from sph.setup.tanks import depth_in_wall
+
+EARTH = 9.0, 10.5  # m/s2: gravity by which a case is known to be in SI units
+LIQUIDS = 50.0, 25000.0  # kg/m3: hydrogen has 71, gold 19300
+GASEOUS = 2.0  # exponents of the equation of state below are of gases
+FARTHEST = 2.0  # lengths of a body that its hinge is away from it
+
+
+def slips(config: SphConfig, scene: Scene) -> Iterator[Derived]:
+    """All of them."""
+    yield from densities(config)
+    yield from over_rims(config, scene)
+    yield from hinges(config)
+
+
+def densities(config: SphConfig) -> Iterator[Derived]:
+    """Liquids under the gravity of the Earth that are no liquids."""
+    if not EARTH[0] < math.hypot(*config.gravity) < EARTH[1] or config.eos.gamma < GASEOUS:
+        return
+    for i, fluid in enumerate(config.fluid):
+        if not fluid.gas and not LIQUIDS[0] <= fluid.density <= LIQUIDS[1]:
+            yield Derived(f"density of {fluid.name}", "rho0", fluid.density, "kg/m3",
+                          f"{LIQUIDS[0]:g} .. {LIQUIDS[1]:g}", "warn", "of a liquid; water has 1000, air 1.2",
+                          "density = 1000 for water", ("fluid", i, "density"))  # fmt: skip
+
+
+def over_rims(config: SphConfig, scene: Scene) -> Iterator[Derived]:
+    """Liquids higher than the rim of the tank they are in, where nothing else holds them."""
+    pulls = [k for k, g in enumerate(config.gravity) if g]
+    if len(pulls) != 1:
+        return
+    up, dp = pulls[0], config.numerics.spacing
+    sign = -math.copysign(1.0, config.gravity[up])
+    for i, fluid in enumerate(config.fluid):
+        low, high = geometry.bounds(fluid.shape)
+        top, bottom = (high, low) if sign > 0 else (low, high)
+        for wall in scene.walls:
+            box = wall.section.shape.box
+            if fluid.gas or wall.section.solid or not box or AXES[up] + ("+" if sign > 0 else "-") not in box.open:
+                continue
+            rim = (box.high if sign > 0 else box.low)[up]
+            over = sign * (top[up] - rim)
+            if over <= dp / 2 or sign * (rim - bottom[up]) <= dp:
+                continue
+            faces = [side for side in held_sides(scene, fluid, up, rim - sign * dp / 2, wall)
+                     if side not in held_sides(scene, fluid, up, rim + sign * over / 2)]  # fmt: skip
+            if faces:
+                yield Derived(f"height of {fluid.name} over the rim of {wall.name}", " ".join(faces), over, "m", "<= 0",
+                              "warn", "it runs over", f"a higher {wall.name}, or {fluid.name} up to {rim:g} m",
+                              ("fluid", i, "shape"))  # fmt: skip
+
+
+def held_sides(scene: Scene, fluid: Fluid, up: int, height: float, *walls: Wall) -> list[str]:
+    """Sides of a fluid, as "x+", before which there is a wall, or one of these, at this height along the axis `up`."""
+    found, (low, high) = [], map(np.array, geometry.bounds(fluid.shape))
+    for k in (k for k in range(scene.dimensions) if k != up):
+        for side, at in (("-", low[k] - scene.spacing / 2), ("+", high[k] + scene.spacing / 2)):
+            place = (low + high) / 2
+            place[k], place[up] = at, height
+            if scene.periodic[k] or any(depth_in_wall(wall, place[None])[0] > 0.0 for wall in walls or scene.walls):
+                found.append(AXES[k] + side)
+    return found
+
+
+def hinges(config: SphConfig) -> Iterator[Derived]:
+    """Hinges beyond the domain and far from the body that turns on them."""
+    for i, wall in enumerate(config.wall):
+        if wall.body and wall.body.hinge:
+            point, (low, high) = wall.body.hinge.point, geometry.bounds(wall.shape)
+            away, most = geometry.apart(point, point, low, high), FARTHEST * math.dist(low, high)
+            if away > most and geometry.apart(point, point, *config.domain.corners):
+                yield Derived(f"distance of the hinge of {wall.name} from it", "", away, "m", f"<= {most:.3g} m",
+                              "warn", "it is beyond the domain too", "a point of the body, or beside it",
+                              ("wall", i, "body", "hinge", "point"))  # fmt: skip

@@ -1,0 +1,52 @@
+"""Slips of a unit or a place are told."""
+
+import pytest
+from test_sph_plausibility import PARTS, air, told
+
+RIM = PARTS["wall"].replace("high = [1.0, 1.0]", "high = [1.0, 0.6]")
+HIGH = PARTS["fluid"].replace("0.3]", "0.8]")
+BESIDE = RIM[:-1] + """, { name = "dam"; solid = true; shape = { box = { low = [-0.2, 0.5]; high = [0.0, 1.0]; }; }; },
+    { name = "gate"; solid = true; shape = { box = { low = [1.0, 0.5]; high = [1.2, 1.0]; }; }; } )"""
+DROP = HIGH.replace("low = [0.0, 0.0]; high = [1.0", "low = [0.4, 0.7]; high = [0.6")
+NAME = "height of water over the rim of tank"
+
+
+@pytest.mark.parametrize("density, more, warns", [
+    (1.0, {}, True),
+    (1e6, {}, True),
+    (71.0, {}, False),
+    (1000.0, {}, False),
+    (1.0, {"gravity": "[0.0, -1.0]", "eos": "{ max_velocity = 1.0; }"}, False),  # in units of its own
+    (1.2, {"eos": "{ gamma = 1.4; sound_speed = 340.0; }"}, False),
+])  # fmt: skip
+def test_a_liquid_as_light_as_a_gas_is_told_where_units_are_known(density, more, warns):
+    found = told(fluid=PARTS["fluid"].replace("shape", f"density = {density}; shape", 1), **more)
+    assert (getattr(found.get("density of water"), "verdict", "") == "warn") == warns
+
+
+def test_air_beside_water_may_be_as_light_as_it_is():
+    assert "density of air" not in told(fluid=air())
+
+
+@pytest.mark.parametrize("parts, sides", [
+    ({"wall": RIM, "fluid": HIGH}, "x- x+"),
+    ({"wall": RIM, "fluid": HIGH.replace("high = [1.0", "high = [0.5")}, "x-"),
+    ({"wall": RIM}, ""),
+    ({"fluid": HIGH}, ""),
+    ({"wall": BESIDE, "fluid": HIGH, "domain": "{ low = [-0.2, 0.0]; high = [1.2, 1.0]; }"}, ""),  # others hold it
+    ({"wall": RIM, "fluid": DROP}, ""),  # it falls into the tank
+    ({"wall": RIM, "fluid": HIGH, "domain": '{ low = [0.0, 0.0]; high = [1.0, 1.0]; periodic = ["x"]; }'}, ""),
+])  # fmt: skip
+def test_water_over_the_rim_of_its_tank_is_told_with_the_sides(parts, sides):
+    number = told(**parts).get(NAME)
+    assert (number.symbol if number else "") == sides
+    if number:
+        assert number.value == pytest.approx(0.2) and number.verdict == "warn" and "0.6 m" in number.cure
+
+
+@pytest.mark.parametrize("point, warns", [("[5.0, 5.0]", True), ("[0.2, 0.9]", False), ("[0.5, 1.05]", False)])
+def test_a_hinge_far_from_its_body_and_the_domain_is_told(point, warns):
+    float_ = f"""{{ name = "float"; solid = true; body = {{ density = 500.0; hinge = {{ point = {point}; }}; }};
+        shape = {{ box = {{ low = [0.4, 0.5]; high = [0.7, 0.8]; }}; }}; }}"""
+    found = told(wall=f"{PARTS['wall'][:-1]}, {float_} )")
+    assert ("distance of the hinge of float from it" in found) == warns

@@ -1,0 +1,82 @@
+"""Speeds beside which the default sound speed may be too small are told before the run."""
+
+import pytest
+from test_sph_plausibility import PARTS, gate, told
+
+PLATE = """( {{ name = "lid"; shape = {{ plane = {{ point = [0.0, 1.0]; normal = [0.0, -1.0]; }}; }};
+    motion = {{ {} }}; type = "{}"; }} )"""
+VISCOUS = PARTS["fluid"].replace("shape", "dynamic_viscosity = 1.0; shape", 1)
+LATER = "path = ( { time = 0.5; displacement = [0.0, 0.0]; }, { time = 1.0; displacement = [-1.5, 0.0]; } );"
+
+
+def tank(motion):
+    return PARTS["wall"].replace("shape", f"motion = {{ {motion} }}; shape", 1)
+
+
+def block(motion, low, high):
+    return f"""{PARTS["wall"][:-1]}, {{ name = "gate"; solid = true; motion = {{ {motion} }};
+        shape = {{ box = {{ low = {low}; high = {high}; }}; }}; }} )"""
+
+
+@pytest.mark.parametrize("name, speed, parts", [
+    ("tank", 5.0, {"wall": tank("velocity = [5.0, 0.0];")}),
+    ("tank", 2.0, {"wall": tank("velocity = [0.0, 2.0];")}),  # lifted by its floor
+    ("tank", 0.0, {"wall": tank("velocity = [0.0, -50.0];")}),  # it falls away from the water
+    ("gate", 0.0, {"wall": gate("velocity = [0.0, 50.0];")}),
+    ("gate", 3.0, {"wall": gate("velocity = [0.0, -3.0]; stop = 0.1;")}),  # into the water
+    ("gate", 0.0, {"wall": gate("velocity = [0.0, -3.0]; start = 2.0;")}),  # when all is over
+    ("gate", 3.0, {"wall": block("velocity = [-3.0, 0.0];", "[1.0, 0.0]", "[1.1, 0.9]")}),
+    ("gate", 0.0, {"wall": block("velocity = [3.0, 0.0];", "[1.0, 0.0]", "[1.1, 0.9]")}),
+    ("gate", 0.0, {"wall": block("velocity = [0.0, 3.0];", "[1.0, 0.0]", "[1.1, 0.9]")}),
+    ("gate", 3.0, {"wall": block(LATER, "[2.0, 0.0]", "[2.1, 0.9]")}),  # it comes to the water from afar
+    ("gate", 0.0, {"wall": gate("velocity = [0.0, 50.0];"), "fluid": VISCOUS}),
+    ("lid", 0.0, {"wall": PLATE.format("velocity = [50.0, 0.0];", "extrapolated-free-slip")}),
+    ("lid", 4.0, {"wall": PLATE.format("velocity = [50.0, -4.0];", "extrapolated-free-slip")}),
+    ("lid", 50.0, {"wall": PLATE.format("velocity = [50.0, 0.0];", "extrapolated-no-slip"), "fluid": VISCOUS}),
+])  # fmt: skip
+def test_a_wall_that_takes_fluid_with_it_is_compared_with_the_sound_speed(name, speed, parts):
+    found = told(**parts, domain="{ low = [0.0, 0.0]; high = [4.0, 1.0]; }")
+    number, c0 = found.get(f"sound speed over the speed of {name}"), found["sound speed"].value
+    assert (number is None) == (speed == 0.0)
+    if number:
+        assert number.value == pytest.approx(c0 / speed)
+        assert (number.verdict, bool(number.cure)) == (("ok", False) if c0 >= 7 * speed else ("warn", True))
+
+
+def test_the_cure_of_a_tank_that_moves_is_one():
+    cured = told(wall=tank("velocity = [5.0, 0.0];"), eos="{ max_velocity = 5.0; }")
+    assert cured["sound speed over the speed of tank"].verdict == "ok"
+    assert cured["sound speed"].value == 50.0
+
+
+def test_without_gravity_walls_tell_the_sound_speed():
+    lid = PLATE.format("velocity = [1e-3, 0.0];", "extrapolated-no-slip")
+    assert told(wall=lid, fluid=VISCOUS, gravity="[0.0, 0.0]")["sound speed"].value == pytest.approx(1e-2)
+
+
+FLOOR = '{{ name = "floor_{}"; solid = true; shape = {{ box = {{ low = [{}, -0.2]; high = [{}, 0.0]; }}; }}; {} }}'
+FALL = "sound speed over the speed of a free fall"
+BELOW = '{ low = [0.0, -2.0]; high = [1.0, 1.0]; outflow = ["y-"]; }'
+
+
+def slotted(*floors):
+    sides = PARTS["wall"].replace('"y+"', '"y+", "y-"')
+    return f"{sides[:-1]}, {', '.join(FLOOR.format(k, *floor) for k, floor in enumerate(floors))} )"
+
+
+@pytest.mark.parametrize("floors, low, verdict", [
+    ([(0.0, 0.4, ""), (0.6, 1.0, "")], -2.0, "warn"),
+    ([(0.0, 0.4, ""), (0.6, 1.0, "")], -0.25, None),  # half as deep as the water is enough for twice its height
+    ([(0.0, 1.0, "")], -2.0, "ok"),
+    ([(0.0, 0.4, ""), (0.4, 1.0, "motion = { velocity = [0.3, 0.0]; };")], -2.0, "warn"),  # it opens
+    ([(0.0, 0.4, ""), (0.6, 1.0, ""), (0.2, 0.8, "type = \"extrapolated-free-slip\";")], -2.0, "ok"),
+])  # fmt: skip
+def test_a_fall_to_where_fluid_can_come_is_told_before_the_run(floors, low, verdict):
+    parts = {"wall": slotted(*floors), "domain": BELOW.replace("-2.0", str(low))}
+    number = told(**parts).get(FALL)
+    assert (number.verdict if number else None) == verdict
+    if verdict == "warn":
+        speed = (2 * 9.81 * (0.3 - low)) ** 0.5
+        assert told(**parts)["sound speed"].value / number.value == pytest.approx(speed, rel=0.03)
+        cured = told(**parts, eos=f"{{ {number.cure}; }}")
+        assert FALL not in cured
