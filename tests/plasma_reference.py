@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from hpcpic.core.case.config import load
-from hpcpic.core.case.schema import dump
+from hpcpic.core.case.dump import dump
 from hpcpic.core.files.arrays import FieldArray, ParticleArray
 from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.files.series import SeriesWriter

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.space import shapes
-from lbmdem.case.config import BoxShape
+from lbmdem.case.boundaries import BoxShape
 from lbmdem.fluid.surfaces import Wall
 from lbmdem.setup.scene import Scene
 

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hpcpic.core.app.knobs import Choice, Knob, Knobs, Quantity, Seen
-from hpcpic.core.case.schema import group_lines, value_text
+from hpcpic.core.case.dump import group_lines
+from hpcpic.core.case.texts import value_text
 from lbmdem.case.config import AXES, LbmDemConfig, seeps
 from lbmdem.forecast.plan import grain_count
 from lbmdem.physics.collision import COLLISIONS

@@ -9,7 +9,8 @@ from itertools import pairwise
 
 from hpcpic.core.app.forecast import imports, slabs
 from hpcpic.core.space.declared import Array
-from lbmdem.case.config import AXES, LbmDemConfig, Obstacle
+from lbmdem.case.boundaries import Obstacle
+from lbmdem.case.config import AXES, LbmDemConfig
 from lbmdem.coupling.arrays import MOVING_LINKS
 from lbmdem.fluid.arrays import MOVED_NODES, fixed_links
 from lbmdem.forecast.cuts import first_cuts

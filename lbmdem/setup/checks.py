@@ -9,7 +9,8 @@ from hpcpic.core.case.gauge import gauge_faults
 from hpcpic.core.case.own_functions import formula_fault
 from hpcpic.core.case.words import unknown
 from hpcpic.core.files.start import start_faults
-from lbmdem.case.config import AXES, GrainSet, LbmDemConfig, Obstacle, whole, whole_spacing
+from lbmdem.case.boundaries import Obstacle
+from lbmdem.case.config import AXES, GrainSet, LbmDemConfig, whole, whole_spacing
 from lbmdem.physics import wall_rules
 from lbmdem.physics.wall_rules import RULES
 

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from hpcpic.core.files.start import arrays
 from hpcpic.core.space.elementary import cos, sin, tanh
-from lbmdem.case.config import AXES, Boundary, LbmDemConfig
+from lbmdem.case.boundaries import Boundary
+from lbmdem.case.config import AXES, LbmDemConfig
 from lbmdem.physics.units import Units
 from lbmdem.physics.velocity_sets import CS2
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hpcpic.core.app.knobs import Choice, Knob, Knobs, Quantity, Seen
-from hpcpic.core.case.schema import value_text
+from hpcpic.core.case.texts import value_text
 from sph.case.config import FRONT, PRESSURE, VELOCITY, SphConfig
 from sph.forecast.plan import counts
 from sph.physics import stability

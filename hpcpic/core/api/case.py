@@ -21,7 +21,7 @@ from hpcpic.core.app.read import Case as ReadCase
 from hpcpic.core.app.read import read_case
 from hpcpic.core.case.config import Place, Tree, loads
 from hpcpic.core.case.derived import enforce
-from hpcpic.core.case.schema import dump
+from hpcpic.core.case.dump import dump
 from hpcpic.core.cli.check import numbers_of
 from hpcpic.core.errors import ConfigError
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hpcpic.core.case.schema import value_text
+from hpcpic.core.case.texts import value_text
 from hpcpic.core.errors import ConfigError
 
 Keep = Callable[[Mapping[str, Any]], str]  # writes arrays to a file, and tells its path

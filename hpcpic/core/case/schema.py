@@ -1,4 +1,4 @@
-"""Typed, frozen configurations: validation of a tree with the place of every fault, and back to text."""
+"""Typed, frozen configurations: validation of a tree with the place of every fault."""
 
 import difflib
 import functools
@@ -14,6 +14,7 @@ from pydantic.fields import FieldInfo
 
 from hpcpic.core.case.cases import PROGRAMS, fit, fits
 from hpcpic.core.case.config import Path, Place, Tree, dotted
+from hpcpic.core.case.texts import value_text
 from hpcpic.core.errors import ConfigError
 
 REQUIRED = ...
@@ -401,54 +402,3 @@ def type_words(annotation: Any) -> str:
     if origin is Annotated:
         return type_words(arguments[0])
     return "|".join(filter(None, (type_words(argument) for argument in arguments)))
-
-
-def dump(config: Section) -> str:
-    """libconfig text with every default filled in, which reads back to the same configuration."""
-    return "\n".join(group_lines(config, "")) + "\n"
-
-
-def group_lines(config: Section, indent: str) -> list[str]:
-    lines = []
-    for name, field in type(config).model_fields.items():
-        value = getattr(config, name)
-        if value is None:
-            continue
-        if isinstance(value, Section):
-            inner = group_lines(value, indent + "  ")
-            if inner or field.default is None:  # a group that may be missing says something by being there
-                lines += [f"{indent}{name} = {{", *inner, f"{indent}}};"]
-        elif isinstance(value, tuple) and section_of(field):
-            lines += [f"{indent}{name} = (", *list_lines(value, indent + "  "), f"{indent});"]
-        else:
-            comment = f"  # {unit_of(field)}" if unit_of(field) else ""
-            lines.append(f"{indent}{name} = {value_text(value)};{comment}")
-    return lines
-
-
-def list_lines(groups: tuple[Section, ...], indent: str) -> list[str]:
-    lines = []
-    for i, group in enumerate(groups):
-        comma = "," if i + 1 < len(groups) else ""
-        lines += [f"{indent}{{", *group_lines(group, indent + "  "), f"{indent}}}{comma}"]
-    return lines
-
-
-def value_text(value: Any) -> str:
-    """A value in libconfig syntax; None, which it cannot say, is empty."""
-    if value is None:
-        return ""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, int):
-        return f"{value}" if -(2**31) <= value < 2**31 else f"{value}L"
-    if isinstance(value, float):
-        return repr(value)
-    if isinstance(value, str):
-        escaped = "".join(ESCAPED.get(c) or (c if c >= " " and c != "\x7f" else f"\\x{ord(c):02x}") for c in value)
-        return f'"{escaped}"'
-    items = ", ".join(value_text(item) for item in value)
-    return f"({items})" if value and isinstance(value[0], tuple) else f"[{items}]"
-
-
-ESCAPED = {"\n": "\\n", "\t": "\\t", "\r": "\\r", "\f": "\\f", "\\": "\\\\", '"': '\\"'}

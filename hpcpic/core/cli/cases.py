@@ -13,7 +13,9 @@ from hpcpic.core.app.text import table
 from hpcpic.core.app.use import use_option
 from hpcpic.core.case.cases import read_header
 from hpcpic.core.case.config import Tree, dotted
-from hpcpic.core.case.schema import describe, dump, value_text
+from hpcpic.core.case.dump import dump
+from hpcpic.core.case.schema import describe
+from hpcpic.core.case.texts import value_text
 
 
 def make_list_command(app_loader: AppLoader) -> click.Command:

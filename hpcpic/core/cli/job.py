@@ -22,7 +22,7 @@ from hpcpic.core.app.forecast import Estimate
 from hpcpic.core.app.rates import read_rates
 from hpcpic.core.app.text import amount
 from hpcpic.core.case.config import Tree, leaves, loads
-from hpcpic.core.case.schema import value_text
+from hpcpic.core.case.texts import value_text
 from hpcpic.core.comm.world import World
 from hpcpic.core.cores import crowded
 from hpcpic.core.errors import ConfigError, FileError, HpcpicError

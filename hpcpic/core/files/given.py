@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from hpcpic.core.case.config import Tree, file_bytes
-from hpcpic.core.case.schema import dump, value_text
+from hpcpic.core.case.dump import dump
+from hpcpic.core.case.texts import value_text
 
 MOST = 256 << 20  # bytes of a file that a setting names
 

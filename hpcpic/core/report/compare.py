@@ -191,7 +191,7 @@ def _print_configs(a: Run, b: Run) -> None:
 
 def _config_difference(a: str, b: str) -> dict[str, tuple[str, str]]:
     from hpcpic.core.case.config import leaves, loads
-    from hpcpic.core.case.schema import value_text
+    from hpcpic.core.case.texts import value_text
 
     first, second = ({key: value_text(v) for key, v in leaves(loads(text).data)} for text in (a, b))
     keys = dict.fromkeys([*first, *second])

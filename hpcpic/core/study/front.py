@@ -11,7 +11,7 @@ import numpy as np
 
 from hpcpic.core.app.text import percent
 from hpcpic.core.case.config import dotted
-from hpcpic.core.case.schema import dump
+from hpcpic.core.case.dump import dump
 from hpcpic.core.errors import CheckFailed
 from hpcpic.core.files.rundir import write_atomic, write_json
 from hpcpic.core.study.error_models import slope

@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hpcpic.core.app.knobs import Knob
-from hpcpic.core.case.schema import Section, value_text
+from hpcpic.core.case.schema import Section
+from hpcpic.core.case.texts import value_text
 from hpcpic.core.simd.caches import Store
 
 if TYPE_CHECKING:

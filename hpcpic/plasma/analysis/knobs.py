@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hpcpic.core.app.knobs import Choice, Knob, Knobs, Quantity, Seen
-from hpcpic.core.case.schema import value_text
+from hpcpic.core.case.texts import value_text
 from hpcpic.plasma.analysis.predictions import Prediction, predict
 from hpcpic.plasma.analysis.series_analysis import Oscillation, fit_oscillation, signed
 from hpcpic.plasma.case.config import PlasmaConfig, Species, mode_columns

@@ -16,7 +16,8 @@ import hpcpic
 import lbmdem
 import sph
 from hpcpic.core.app.read import read_case
-from hpcpic.core.case.schema import dump, value_text
+from hpcpic.core.case.dump import dump
+from hpcpic.core.case.texts import value_text
 from hpcpic.core.errors import ConfigError
 from sph.app import APP
 

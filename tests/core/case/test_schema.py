@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from hpcpic.core.case.config import load, loads
 from hpcpic.core.case.derived import Derived, enforce
-from hpcpic.core.case.schema import REQUIRED, Counts, Section, Vector, describe, dump, setting, validate
+from hpcpic.core.case.dump import dump
+from hpcpic.core.case.schema import REQUIRED, Counts, Section, Vector, describe, setting, validate
 from hpcpic.core.errors import ConfigError
 
 

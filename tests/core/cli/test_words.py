@@ -8,7 +8,8 @@ from click.testing import CliRunner
 
 from hpcpic.core.case import cases, schema
 from hpcpic.core.case.config import load, loads
-from hpcpic.core.case.schema import describe, dump
+from hpcpic.core.case.dump import dump
+from hpcpic.core.case.schema import describe
 from hpcpic.core.case.words import VISCOSITIES, unknown
 from hpcpic.core.cli.main import MEANT, VERBS, build
 from hpcpic.core.errors import ConfigError

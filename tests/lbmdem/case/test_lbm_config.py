@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from hpcpic.core.case.config import leaves, load, loads
 from hpcpic.core.case.derived import enforce
-from hpcpic.core.case.schema import dump
+from hpcpic.core.case.dump import dump
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.physics.contact_law import ContactLaw
 from lbmdem.app import shipped_cases

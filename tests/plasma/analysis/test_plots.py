@@ -15,7 +15,7 @@ from plasma_reference import make_run
 from hpcpic.__main__ import load_app
 from hpcpic.core.app.figures import NoData, overlay_figure, save, svg, thinned, timers_figure
 from hpcpic.core.case.config import load, loads
-from hpcpic.core.case.schema import dump
+from hpcpic.core.case.dump import dump
 from hpcpic.core.cli.main import build
 from hpcpic.core.files import reader
 from hpcpic.core.files.arrays import FieldArray

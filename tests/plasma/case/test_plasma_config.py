@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from hpcpic.core.case.config import Tree, load, loads
 from hpcpic.core.case.derived import enforce
-from hpcpic.core.case.schema import describe, dump
+from hpcpic.core.case.dump import dump
+from hpcpic.core.case.schema import describe
 from hpcpic.core.errors import ConfigError
 from hpcpic.plasma.case.config import PlasmaConfig, velocity_components
 from hpcpic.plasma.configure import configure

@@ -7,7 +7,7 @@ import pytest
 from app_runner import running
 
 from hpcpic.core.case.config import loads
-from hpcpic.core.case.schema import dump
+from hpcpic.core.case.dump import dump
 from hpcpic.core.errors import ConfigError
 from hpcpic.plasma.case.units import PARTICLES, SI
 from hpcpic.plasma.configure import configure

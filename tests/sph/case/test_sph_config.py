@@ -4,7 +4,7 @@ import pytest
 
 from hpcpic.core.case.cases import read_header
 from hpcpic.core.case.config import load, loads
-from hpcpic.core.case.schema import dump
+from hpcpic.core.case.dump import dump
 from hpcpic.core.errors import ConfigError
 from sph.app import shipped_cases
 from sph.configure import configure
