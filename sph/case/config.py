@@ -13,6 +13,7 @@ from hpcpic.core.case.schema import REQUIRED, Section, Vector, matching, setting
 from hpcpic.core.case.words import one_of, one_period, one_viscosity
 from hpcpic.core.files.start import Start, attach, attach_arrays, attached_arrays
 from sph.case.bodies import Body, Names
+from sph.case.motions import Motion
 from sph.case.openings import Direction, Inlet, Opening, Outlet
 
 Integrator = Literal["euler", "predictor-corrector", "rk3-tvd", "symplectic"]
@@ -183,28 +184,6 @@ class Numerics(Section):
     precision: Literal["double", "single"] = setting("double", "arithmetic of the pair sums")
     balance_period: int = setting(100, "steps between looks at the load of the ranks, 0 = never", "steps", ge=0)
     reproducible: Literal[True] = setting(True, "same bits for any ranks, threads and task blocks")
-
-
-class Place(Section):
-    time: float = setting(REQUIRED, "time", "s", ge=0)
-    displacement: Vector = setting(REQUIRED, "from the initial place", "m")
-
-
-TURNING = (
-    "walls do not turn: compute in the frame of the tank, with the forces of that frame as fluid.acceleration "
-    '(docs/start/python.md, "An acceleration")'
-)
-
-
-class Motion(Section):
-    instead = dict.fromkeys(("angular_velocity", "rotation", "omega", "angle", "axis", "centre"), TURNING)
-
-    velocity: Vector = setting((), "constant velocity", "m/s")
-    amplitude: Vector = setting((), "of a displacement a sin(2 pi t / period)", "m")
-    period: float = setting(1.0, "of the oscillation", "s", gt=0)
-    start: float = setting(0.0, "rests before", "s", ge=0)
-    stop: float | None = setting(None, "rests after", "s", ge=0)
-    path: tuple[Place, ...] = setting((), "places in time, with straight lines between them")
 
 
 class Wall(Section):

@@ -8,7 +8,8 @@ import numpy as np
 
 from hpcpic.core.space.shapes import unit
 from sph.case import geometry
-from sph.case.config import AXES, Fluid, Motion, SphConfig, Wall
+from sph.case.config import AXES, Fluid, SphConfig, Wall
+from sph.case.motions import Motion
 from sph.case.openings import Inlet
 from sph.setup import flows
 from sph.setup.tanks import slides
