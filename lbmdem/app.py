@@ -64,6 +64,7 @@ APP = App(
     plots=named("lbmdem.analysis.plots", "PLOTS"),
     plan=later("lbmdem.forecast.plan", "plan"),
     knobs=later("lbmdem.forecast.knobs", "knobs_of"),
+    knob_names=("dx", "tau", "substeps", "dt", "collision", "storage", "bounce_back"),
     sections={
         "fluid": "collide and stream, with walls and forces on grains",
         "grains": "contacts, films and motion of the grains, in substeps",

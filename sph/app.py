@@ -53,6 +53,7 @@ APP = App(
     bench=later("sph.bench", "bench"),
     bench_ranks=later("sph.bench", "bench_ranks"),
     knobs=later("sph.forecast.knobs", "knobs_of"),
+    knob_names=("dx", "mach", "cfl", "smoothing", "precision", "integrator"),
     sections={
         "pairs": "sums over all pairs of neighbours: accelerations and changes of density",
         "update": "positions, velocities and densities at the next time",

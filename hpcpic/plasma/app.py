@@ -73,6 +73,7 @@ APP = App(
     plots=named("hpcpic.plasma.analysis.plots", "PLOTS"),
     plan=later("hpcpic.plasma.forecast.plan", "plan"),
     knobs=later("hpcpic.plasma.analysis.knobs", "knobs_of"),
+    knob_names=("dx", "dt", "particles", "gradient", "precision", "shape", "exact_phase"),
     sections={
         "field": "from the charge on the nodes to the electric field, with its transforms",
         "push": "new velocities and places of the particles; who leaves a slab sets off",

@@ -13,7 +13,7 @@ from hpcpic.core.case.schema import REQUIRED, Section, Vector, matching, setting
 from hpcpic.core.case.words import one_of, one_period, one_viscosity
 from hpcpic.core.files.start import Start, attach, attach_arrays, attached_arrays
 from sph.case.bodies import Body, Names
-from sph.case.motion import Motion
+from sph.case.motions import Motion
 from sph.case.openings import Direction, Inlet, Opening, Outlet
 
 Integrator = Literal["euler", "predictor-corrector", "rk3-tvd", "symplectic"]

@@ -7,7 +7,7 @@ from hpcpic.core.case.config import Path
 from hpcpic.core.case.schema import Section
 from sph.case import geometry
 from sph.case.config import AXES, Domain, Shape, SphConfig, Wall
-from sph.case.motion import Motion
+from sph.case.motions import Motion
 
 TINY = 1e-9  # of a period, for rounding
 

@@ -9,7 +9,7 @@ import numpy as np
 from hpcpic.core.space.shapes import unit
 from sph.case import geometry
 from sph.case.config import AXES, Fluid, SphConfig, Wall
-from sph.case.motion import Motion
+from sph.case.motions import Motion
 from sph.case.openings import Inlet
 from sph.setup import flows
 from sph.setup.tanks import slides

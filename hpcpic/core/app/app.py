@@ -47,6 +47,7 @@ class App:
     plan: Callable[[Any, int, int], list[str]] | None = None  # (config, ranks, threads): kernels, arrays, messages
     plots: Callable[[], Mapping[str, Plot]] | None = None  # the figures of a run by name
     knobs: Callable[[Any], Knobs] | None = None  # (config): what `tradeoff` and `stability` may turn
+    knob_names: tuple[str, ...] = ()  # all that a case may have, for the help
     sections: Mapping[str, str] = field(default_factory=dict)  # what the sections of a step do, for the report
     command: tuple[str, ...] = ()  # what starts this program
 

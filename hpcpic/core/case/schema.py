@@ -15,36 +15,12 @@ from pydantic.fields import FieldInfo
 from hpcpic.core.case.cases import PROGRAMS, fit, fits
 from hpcpic.core.case.config import Path, Place, Tree, dotted
 from hpcpic.core.case.texts import value_text
+from hpcpic.core.case.words import SYNONYMS
 from hpcpic.core.errors import ConfigError
 
 REQUIRED = ...
 MOST_TOLD = 100  # of the faults of a case
 MOST_WHOLE = 2**53  # up to which a float holds every integer
-SYNONYMS = {  # what others call a key -> what it may be called here
-    **dict.fromkeys(("steps", "nsteps", "n_steps", "iterations"), ("cycles", "end_time")),
-    **dict.fromkeys(("end", "tmax", "t_max", "t_end", "tend", "duration", "final_time"), ("end_time", "cycles")),
-    **dict.fromkeys(("dt", "timestep", "delta_t"), ("time_step",)),
-    **dict.fromkeys(("dx", "dp", "resolution", "cell_size"), ("spacing", "points")),
-    **dict.fromkeys(("nu", "viscosity"), ("kinematic_viscosity",)),
-    **dict.fromkeys(("mu", "eta"), ("dynamic_viscosity",)),
-    **dict.fromkeys(("rho", "rho0", "rho_0"), ("density",)),
-    **dict.fromkeys(("nx", "n", "cells"), ("points", "particles", "spacing")),
-    **dict.fromkeys(("r", "diam"), ("diameter",)),
-    **dict.fromkeys(("v", "u"), ("drift_velocity", "velocity")),
-    **dict.fromkeys(("b0", "b_0"), ("magnetic",)),
-    **dict.fromkeys(("te", "t_e"), ("temperature",)),
-    "h": ("smoothing",),
-    "q": ("charge",),
-    "m": ("mass",),
-    "np": ("particles",),
-    "length": ("space_length", "size"),
-    "c0": ("sound_speed",),
-    "g": ("gravity",),
-    "tau": ("relaxation_time",),
-    "seed": ("random_seed",),
-    **dict.fromkeys(("type", "kind", "quantity"), ("what",)),
-    **dict.fromkeys(("position", "location", "where"), ("at",)),
-}
 
 
 class Section(BaseModel):

@@ -13,6 +13,31 @@ from hpcpic.core.case.config import Path, Tree, dotted
 
 VISCOSITIES = {"dynamic_viscosity": "Pa s", "kinematic_viscosity": "m2/s"}
 MOST_STEPS = 2.0**62  # that a case can say
+SYNONYMS = {  # what others call a key -> what it may be called here
+    **dict.fromkeys(("steps", "nsteps", "n_steps", "iterations"), ("cycles", "end_time")),
+    **dict.fromkeys(("end", "tmax", "t_max", "t_end", "tend", "duration", "final_time"), ("end_time", "cycles")),
+    **dict.fromkeys(("dt", "timestep", "delta_t"), ("time_step",)),
+    **dict.fromkeys(("dx", "dp", "resolution", "cell_size"), ("spacing", "points")),
+    **dict.fromkeys(("nu", "viscosity"), ("kinematic_viscosity",)),
+    **dict.fromkeys(("mu", "eta"), ("dynamic_viscosity",)),
+    **dict.fromkeys(("rho", "rho0", "rho_0"), ("density",)),
+    **dict.fromkeys(("nx", "n", "cells"), ("points", "particles", "spacing")),
+    **dict.fromkeys(("r", "diam"), ("diameter",)),
+    **dict.fromkeys(("v", "u"), ("drift_velocity", "velocity")),
+    **dict.fromkeys(("b0", "b_0"), ("magnetic",)),
+    **dict.fromkeys(("te", "t_e"), ("temperature",)),
+    "h": ("smoothing",),
+    "q": ("charge",),
+    "m": ("mass",),
+    "np": ("particles",),
+    "length": ("space_length", "size"),
+    "c0": ("sound_speed",),
+    "g": ("gravity",),
+    "tau": ("relaxation_time",),
+    "seed": ("random_seed",),
+    **dict.fromkeys(("type", "kind", "quantity"), ("what",)),
+    **dict.fromkeys(("position", "location", "where"), ("at",)),
+}
 
 
 def unknown(name: str, known: Iterable[str]) -> str:

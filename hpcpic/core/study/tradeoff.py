@@ -28,9 +28,12 @@ WANTED = 0.01  # the error that matters when no tolerance is asked for
 
 
 def make_tradeoff_command(app_loader: AppLoader) -> click.Command:
+    among = ", ".join(app_loader().knob_names)
+
     @click.command("tradeoff")
     @click.argument("case")
-    @click.option("--knobs", "names", metavar="A,B", help="Only these knobs.  [default: all that the case has]")
+    @click.option("--knobs", "names", metavar="A,B",
+                  help=f"Only these knobs{among and f', of {among}'}.  [default: all that the case has]")
     @click.option("--qoi", metavar="Q", help="What to get right, as 'mean(force_x, from=0.5)'.  [default: the scene's]")
     @click.option("--tolerance", metavar="E", help="Relative error wanted, as 0.01 or 1%: recommend and verify.")
     @click.option("--max-cost", metavar="T", help="Refuse to recommend a run longer than this: 90s, 15m, 2h.")

@@ -6,6 +6,7 @@ import math
 import subprocess
 import sys
 from dataclasses import dataclass, replace
+from importlib import import_module
 from types import SimpleNamespace
 
 import error_app
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 from toy_runner import MPIRUN, environment
 
+from hpcpic.core.app.read import read_case
 from hpcpic.core.case.config import load
 from hpcpic.core.case.schema import validate
 from hpcpic.core.cli.main import build
@@ -32,7 +34,7 @@ from hpcpic.core.study.error_models import (
 )
 from hpcpic.core.study.front import commented
 from hpcpic.core.study.recommend import Proposal, Recommendation
-from hpcpic.core.study.tradeoff import parse_tolerance
+from hpcpic.core.study.tradeoff import make_tradeoff_command, parse_tolerance
 
 A, B, C = 0.4, 0.3, 0.02  # of error_app
 
@@ -375,3 +377,14 @@ def test_pilots_run_on_several_ranks(tmp_path):
     assert done.returncode == 0, done.stderr
     run = next((tmp_path / "out/pilots").glob("*/run.json"))
     assert json.loads(run.read_text())["ranks"] == 2
+
+
+@pytest.mark.parametrize("program", ["hpcpic.plasma", "sph", "lbmdem"])
+def test_the_help_names_every_knob_that_a_shipped_case_has(program):
+    app, names = import_module(f"{program}.app").APP, set()
+    for path in app.cases().values():
+        knobs = app.knobs(read_case(app, str(path), ()).config)
+        names |= {one.name for one in (*knobs.knobs, *knobs.choices)}
+    assert names == {*app.knob_names}
+    (option,) = (option for option in make_tradeoff_command(lambda: app).params if option.name == "names")
+    assert all(name in option.help for name in names)

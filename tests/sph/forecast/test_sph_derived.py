@@ -104,6 +104,23 @@ def test_a_fixed_viscous_step(step, verdict):
     assert found["viscous step"].verdict == verdict
 
 
+@pytest.mark.parametrize("viscosity, kind, alpha, verdict", [
+    (1e-3, "extrapolated-no-slip", 0.0, "warn"),
+    (1e-3, "extrapolated-no-slip", 0.02, "ok"),
+    (1e-3, "extrapolated-free-slip", 0.0, "ok"),
+    (10.0, "extrapolated-no-slip", 0.0, "ok"),
+])  # fmt: skip
+def test_a_viscosity_that_a_spacing_does_not_resolve_is_told_where_walls_stick(viscosity, kind, alpha, verdict):
+    text = f"""simulation = {{ dimensions = 2; end_time = 1.0; }}; gravity = [0.0, -9.81];
+        fluid = ( {{ dynamic_viscosity = {viscosity};
+            shape = {{ box = {{ low = [0.0, 0.0]; high = [1.0, 0.5]; }}; }}; }} );
+        numerics = {{ spacing = 0.05; artificial_viscosity = {alpha}; }};
+        wall = ( {{ type = "{kind}"; shape = {{ plane = {{ point = [0.0, 0.0]; normal = [0.0, 1.0]; }}; }}; }} );"""
+    number = {n.name: n for n in derived(configure(loads(text)))}["Reynolds number of a spacing"]
+    assert number.value == pytest.approx((2 * 9.81 * 0.5) ** 0.5 * 0.05 * 1000.0 / viscosity)
+    assert number.verdict == verdict and bool(number.cure) == (verdict == "warn")
+
+
 @pytest.mark.parametrize("g", [0.0981, 9.81, 981.0])
 def test_the_sound_speed_follows_gravity(g):
     text = TANK.replace("-9.81", f"-{g}").replace(RUSANOV, "")

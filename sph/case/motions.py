@@ -1,4 +1,4 @@
-"""How walls that are moved go."""
+"""What a case says of walls that move as they are told."""
 
 from hpcpic.core.case.schema import REQUIRED, Section, Vector, setting
 
