@@ -149,8 +149,7 @@ def row(
 
 
 def spent(one: Search) -> dict[str, float]:
-    """In pilots of the case's own cost, by the estimate, which other work of the machine does not change."""
-    return {"pilots": one.pilots.paid / one.base.price, "runs": len(one.pilots.done)}
+    return {"pilots": one.budget.used, "runs": len(one.pilots.done)}
 
 
 def true_value(search: Search, recommended: list[Any]) -> np.ndarray:

@@ -76,6 +76,7 @@ def facts(
 ) -> dict[str, Any]:
     """All that was found, for programs."""
     laws = search.laws.values()
+    shown = {knob.name: knob.shown for knob in search.knobs}
     return {
         "case": search.pilots.read.path,
         "quantity": search.quantity.name,
@@ -86,12 +87,14 @@ def facts(
         "pilot_seconds": search.base.seconds,
         "pilot_work": search.base.work,
         "search_seconds": search.pilots.spent,
+        "search_pilots": search.budget.used,
+        "allowed_pilots": search.budget.allowance,
         "whole_over_pilot": search.pilots.knobs.time / search.quantity.time,
         "slope": slope(list(laws)),
         "knobs": {
             law.name: {
-                "here": law.here,
-                "sizes": law.sizes.tolist(),
+                "here": shown[law.name](law.here),
+                "sizes": [shown[law.name](size) for size in law.sizes.tolist()],
                 "errors": law.errors.tolist(),
                 "order": law.order if np.isfinite(law.order) else None,
                 "theory": law.theory,
@@ -102,18 +105,18 @@ def facts(
             }
             for law in laws
         },
-        "front": [_told(point) for point in points],
+        "front": [_told(search, point) for point in points],
         "tolerance": tolerance,
         "refusal": refusal,
         "recommended": None if verified is None else _verified(search, verified),
     }
 
 
-def _told(proposal: Proposal) -> dict[str, Any]:
+def _told(search: Search, proposal: Proposal) -> dict[str, Any]:
     return {
         "bound": proposal.bound,
         "cost": proposal.cost,
-        "sizes": dict(proposal.sizes),
+        "sizes": {knob.name: knob.shown(proposal.sizes[knob.name]) for knob in search.knobs},
         "shares": dict(proposal.shares),
         "others": dict(proposal.scheme.others),
     }
@@ -123,7 +126,7 @@ def _verified(search: Search, verified: Verified) -> dict[str, Any]:
     settings = search.pilots.assignments(
         verified.proposal.sizes, search.pilots.knobs.time, verified.proposal.scheme.others
     )
-    return _told(verified.proposal) | {
+    return _told(search, verified.proposal) | {
         "error": verified.error,
         "field": verified.field if np.isfinite(verified.field) else None,
         "certified": verified.certified,

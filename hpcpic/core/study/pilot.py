@@ -107,8 +107,22 @@ class Pilots:
     def legal(self, sizes: Mapping[str, float], time: float, others: Settings, margin: float = 1.0) -> bool:
         return self.beyond(sizes, time, others, margin) is None
 
+    def foreseen(self, sizes: Mapping[str, float], time: float, others: Settings) -> float:
+        """Seconds of a pilot's steps, by the estimate, before it is run."""
+        sets = (*self.assignments(sizes, time, others), *self.knobs.pilot)
+        config = read_case(self.app, self.read.path, sets).config
+        told = self.app.estimate(config, *self.shape, {})
+        return told.seconds - told.start if config.n_steps is None else config.n_steps * told.step_seconds
+
     def sizes_of(self, config: Any) -> dict[str, float]:
         return {knob.name: knob.size(config) for knob in self.knobs.knobs}
+
+    def named(
+        self, sizes: Mapping[str, float], time: float, others: Settings, more: tuple[str, ...]
+    ) -> tuple[tuple[str, ...], str]:
+        """The --set list of a pilot, and the name of its folder."""
+        sets = (*self.assignments(sizes, time, others), *self.knobs.pilot, *more)
+        return sets, hashlib.sha256(repr((self.case_digest, sets, self.shape)).encode()).hexdigest()[:12]
 
     def run(
         self,
@@ -120,8 +134,7 @@ class Pilots:
         words: str = "",
     ) -> Pilot:
         """Run with these sizes until `time` [s], or take what was run before. Raises Interrupted."""
-        sets = (*self.assignments(sizes, time, others or {}), *self.knobs.pilot, *more)
-        name = hashlib.sha256(repr((self.case_digest, sets, self.shape)).encode()).hexdigest()[:12]
+        sets, name = self.named(sizes, time, others or {}, more)
         if name in self.done:
             return self.done[name]
         config = read_case(self.app, self.read.path, sets).config
@@ -152,11 +165,6 @@ class Pilots:
     @property
     def spent(self) -> float:
         return sum(pilot.seconds for pilot in self.done.values())
-
-    @property
-    def paid(self) -> float:
-        """The prices of all that was asked for."""
-        return sum(pilot.price for pilot in self.done.values())
 
 
 def value_of(pilot: Pilot, measure: Any) -> NDArray[np.float64]:

@@ -23,12 +23,12 @@ LIMIT_MARGIN = 0.8  # of the end of stability
 NEIGHBOUR = 1.25
 APART = 1.1  # at least, of sizes that tell more than one
 SAME = 1.001  # times a size: the same, to rounding
-DEAREST = 2.0  # times the cost of the case's pilot: a neighbour that is not run
+DEAREST = 2.0  # times the cost of the case's pilot, or what is left if that is less: a neighbour that is not run
 TRIES = 4
 FINER = 3.0  # pilots of the case's cost: about what a finer level of one knob costs
 UNSURE = 0.25  # times the tolerance: where the reference is known better, a miss is one of the laws
 UNKNOWN = 3.0  # times the tolerance: where the reference is not known better, nothing is said of any setting
-FAR = 5.0  # times what a recommendation may cost
+FAR = 5.0  # times what all pilots may cost
 MOST_STEPS = 24  # of a tenth, back from what `check` warns of
 SEEN = 2.0  # times the tolerance: an error of the field beside the quantity that is told as a warning
 
@@ -91,7 +91,7 @@ class Recommendation:
         if budget <= 0.25 * tolerance:
             return None
         sizes = cheapest(scheme.laws, budget, self.caps())
-        if self.nominal(sizes) > FAR * self.most:  # told, and not even set up
+        if self.nominal(sizes) > FAR * self.search.budget.allowance:  # told, and not even set up
             shares = {law.name: law.bound(sizes[law.name]) for law in scheme.laws}
             return Proposal(scheme, sizes, shares, scheme.cost * self.nominal(sizes))
         for _ in range(MOST_STEPS):
@@ -153,7 +153,11 @@ class Recommendation:
             if known and known[-1].certified:
                 run = self.compared(known[-1])
                 if luck := self.luck(run, tolerance):
-                    return dataclasses.replace(run, certified=False, luck=luck)
+                    other = self.held(tolerance)
+                    if other is None or other.pilot is run.pilot or self.luck(held := self.compared(other), tolerance):
+                        return dataclasses.replace(run, certified=False, luck=luck)
+                    held.warnings.append(f"{self.text(run.proposal)} would do by itself, but {luck}")
+                    run = held
                 unsure = self.unchecked(run)
                 if not unsure:
                     return run
@@ -176,33 +180,49 @@ class Recommendation:
 
     def attempts(self, tolerance: float) -> list[Verified]:
         """Propose and run; on a miss propose for less. Those that were run, a certified one last."""
-        search, uncertainty = self.search, self.search.uncertainty
-        known: list[Verified] = []
-        if uncertainty >= tolerance and search.quieter:
+        search, known = self.search, list[Verified]()
+        if search.uncertainty >= tolerance and search.quieter:
             return known  # whatever is run: a start with less noise is the next thing to be tried
-        proposal, misses = self.first(self.certain(tolerance)), 0
+        proposal, misses = self.by_laws(self.certain(tolerance)), 0
         if self.price(proposal) > 1.0 and self.completed(search.assumed):  # which costs less than the wrong run
-            uncertainty, proposal = search.uncertainty, self.first(self.certain(tolerance))
+            proposal = self.by_laws(self.certain(tolerance))
+        held = self.held(tolerance)
+        if held and self.price(proposal) >= self.price(held.proposal):  # as far as the laws know, less may be enough
+            proposal = self.by_laws(tolerance)
         while misses < TRIES:
+            if held and self.price(proposal) >= self.price(held.proposal):
+                return [*known, held]
             run = self.tried(proposal)
             if run is None and not misses:  # as far as can be known, that may be enough
-                run = self.tried(proposal := self.first(tolerance))
+                run = self.tried(proposal := self.by_laws(tolerance))
             if run is not None:
                 known.append(run)
                 if self.holds(run.error, tolerance):
                     return [*known[:-1], dataclasses.replace(run, certified=True)]
             if proposal.scheme.others:  # what it and the knobs do together is not in the laws: without it
                 self.schemes = self.schemes[:1]
-                proposal = self.first(self.certain(tolerance))
+                proposal = self.by_laws(self.certain(tolerance))
                 continue
             if run is not None and self.completed(search.assumed):  # they do not foretell it
-                uncertainty, proposal = search.uncertainty, self.first(self.certain(tolerance))
+                proposal, held = self.by_laws(self.certain(tolerance)), self.held(tolerance)
                 continue
-            if run is not None and self.price(proposal) > FINER and uncertainty > UNSURE * tolerance:
+            if run is not None and self.price(proposal) > FINER and search.uncertainty > UNSURE * tolerance:
                 break  # a finer pilot tells more of the reference, and costs less than another such run
             misses += 1
             proposal = self.after_miss(misses, proposal, tolerance, run.error if run else tolerance)
-        return known
+        return [*known, held] if held else known
+
+    def held(self, tolerance: float) -> Verified | None:
+        """The cheapest of what the search has run already, the case and what is finer, that is certified as it is."""
+        search, scheme = self.search, self.search.schemes[0]
+        good = []
+        for pilot in (search.base, *search.finer):
+            proposal, error = self.realised(scheme, pilot.sizes), search.error(search.measured(pilot))
+            run = Verified(proposal, pilot, error, search.field_error(pilot), True)
+            allowed = pilot is search.base or self.legal(pilot.sizes, scheme)
+            if allowed and self.holds(error, tolerance) and not self.luck(run, tolerance):
+                good.append(run)
+        return min(good, key=lambda run: self.price(run.proposal), default=None)
 
     def holds(self, error: float, tolerance: float) -> bool:
         """True if an error that was measured is within the tolerance wherever in its interval the reference lies."""
@@ -251,11 +271,6 @@ class Recommendation:
         """What the laws are asked for, so that the uncertainty of the reference has room beside it."""
         return max(tolerance - self.search.uncertainty, 0.5 * tolerance)
 
-    @property
-    def most(self) -> float:
-        """What running a recommendation may cost, in pilots of the case's own cost."""
-        return max(DEAREST, self.search.allowance / self.search.base.price)
-
     def nominal(self, sizes: Mapping[str, float]) -> float:
         """The cost of these sizes beside the case's, by theory."""
         return math.prod((self.search.own[knob.name] / sizes[knob.name]) ** knob.cost for knob in self.search.knobs)
@@ -263,15 +278,15 @@ class Recommendation:
     def price(self, proposal: Proposal) -> float:
         """What running a proposal costs, in pilots of the case's own cost."""
         nominal = self.nominal(proposal.sizes)
-        if nominal > FAR * self.most:  # by theory: clocks of coarse pilots count what does not grow too
+        if nominal > FAR * self.search.budget.allowance:  # clocks of coarse pilots count what does not grow too
             return proposal.scheme.cost * nominal
         config = self.pilots.config(proposal.sizes, self.search.quantity.time, proposal.scheme.others)
         return self.pilots.knobs.work(config) / self.search.base.work
 
     def tried(self, proposal: Proposal) -> Verified | None:
-        """The proposal, run; None where it is beyond what the search may cost, or shows nothing."""
+        """The proposal, run; None where that is beyond what is left of the allowance, or shows nothing."""
         search = self.search
-        if self.price(proposal) > self.most:
+        if search.cost(proposal.sizes, proposal.scheme.others) > search.budget.left:
             return None
         pilot = search.pilot(proposal.sizes, proposal.scheme.others, "recommended")
         try:
@@ -290,14 +305,15 @@ class Recommendation:
         return " ".join([*sizes, proposal.scheme.words]).strip()
 
     def first(self, tolerance: float) -> Proposal:
-        """What is run first: the cheapest by the laws, or the case itself where that is known to be as good."""
-        search = self.search
-        good = search.error(search.value) + search.uncertainty <= tolerance
+        """The cheapest by the laws, or what was run already where that is certified and costs less."""
+        proposal, held = self.by_laws(self.certain(tolerance)), self.held(tolerance)
+        return held.proposal if held and self.price(held.proposal) <= self.price(proposal) else proposal
+
+    def by_laws(self, tolerance: float) -> Proposal:
         try:
-            proposal = self.propose(tolerance)
+            return self.propose(tolerance)
         except CheckFailed:
             return self.itself()
-        return self.itself() if good and self.price(proposal) >= 1.0 else proposal
 
     def after_miss(self, misses: int, proposal: Proposal, tolerance: float, error: float) -> Proposal:
         """What knobs do together is not in the laws: ask them for less, also again where that is finer than the case;
@@ -325,7 +341,7 @@ class Recommendation:
             sizes = {name: size if laws[name].idle else size * factor for name, size in proposal.sizes.items()}
             cost = proposal.scheme.cost * relative_cost(proposal.scheme.laws, sizes)
             legal = self.pilots.legal(sizes, search.quantity.time, proposal.scheme.others)
-            if not legal or cost > DEAREST:
+            if not legal or cost > DEAREST or search.cost(sizes, proposal.scheme.others) > search.budget.left:
                 continue
             beside = search.pilot(sizes, proposal.scheme.others, f"{words} neighbour")
             try:

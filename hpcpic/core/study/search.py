@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from hpcpic.core.app.knobs import Choice, Knob, Quantity
 from hpcpic.core.case.config import dotted
 from hpcpic.core.errors import CheckFailed
+from hpcpic.core.study.budget import Budget
 from hpcpic.core.study.error_models import ErrorModel, Level, fit, hidden, levelled, norm, scattered
 from hpcpic.core.study.field import seen_field
 from hpcpic.core.study.pilot import Pilot, Pilots, Settings, value_of
@@ -30,9 +31,6 @@ SAVES = 0.9  # times the price: a coarser level must cost less than that for a s
 MORE = (0.7, 0.5)  # times the finest size: levels that a law in doubt may want, and where errors scatter:
 MORE_SCATTERED = (1.4, 1.2, 0.84, 0.7)  # those above 1 times the case's
 LEVELS = 12  # of one knob
-PILOTS = 10  # pilots of the case's own cost that a search may take, or this share of the run itself:
-SHARE = 0.25
-THRIFT = 3.0  # s of steps by the estimate: what is spared below it is nobody's time
 UNSURE = 1.25  # times the one difference measured is the error of another scheme
 WORTH = 0.8  # times the cost: another scheme must save this much to be chosen
 CHEAP = 0.9  # times the cost of the case, by the estimate: a scheme that can only save time is tried
@@ -74,22 +72,26 @@ class Search:
         choices: Sequence[Choice],
         quantity: Quantity,
         wanted: float,
-        most: float = PILOTS,
+        most: float | None = None,
         *,
         brief: bool = False,
         hints: Mapping[str, Hint] | None = None,
     ) -> None:
-        """wanted: the least error that matters; most: pilots that the search may take; brief: two levels of a knob will
-        do where theory knows its order, as a recommendation is to be run that checks it; hints: of earlier searches.
+        """wanted: the least error that matters; most: pilots that search and verification may take; brief: two levels
+        of a knob will do where theory knows its order, as a recommendation is to be run that checks it; hints: of
+        earlier searches.
         """
         self.pilots, self.knobs, self.choices, self.quantity = pilots, knobs, choices, quantity
-        self.wanted, self.most, self.brief, self.hints = wanted, most, brief, hints or {}
+        self.wanted, self.brief, self.hints = wanted, brief, hints or {}
         self.own = pilots.sizes_of(pilots.read.config)
         self.base = self.pilot(self.own, words="the case itself")
+        self.budget = Budget(pilots, self.base, float(quantity.time), self.snapshot, most)
+        self.left_out = ""  # the level that was wanted most, and is dearer than what is left
         self.value = self.measured(self.base)
         self.scale = abs(quantity.exact) if quantity.exact else norm(self.value)
         self.refuse_nothing()
         self.levels: dict[str, list[Level]] = {}
+        self.finer: list[Pilot] = []  # with one knob finer than the case
         self.laws: dict[str, ErrorModel] = {}
         self.shadows: dict[str, ErrorModel] = {}  # laws of the field beside the quantity
         self.field = self.field_of(self.base)
@@ -112,8 +114,13 @@ class Search:
     # ------------------------------------------------------------------------------------------ pilots
 
     def pilot(self, sizes: Mapping[str, float], others: Settings | None = None, words: str = "") -> Pilot:
-        seen, time = self.pilots.knobs.seen, float(self.quantity.time)
-        return self.pilots.run(sizes, time, others, seen.snapshot(time) if seen else (), words=words)
+        return self.pilots.run(sizes, float(self.quantity.time), others, self.snapshot, words=words)
+
+    @property
+    def snapshot(self) -> tuple[str, ...]:
+        """Settings by which a pilot writes the field that is looked at."""
+        seen = self.pilots.knobs.seen
+        return seen.snapshot(float(self.quantity.time)) if seen else ()
 
     def measured(self, pilot: Pilot) -> NDArray[np.float64]:
         if not self.quantity.field:
@@ -132,14 +139,17 @@ class Search:
         noise = self.quantity.noise(pilot.series) / self.scale if self.quantity.noise else 0.0
         return Level(pilot.sizes[knob], value, pilot.seconds, pilot.price, noise, field)
 
-    @property
-    def allowance(self) -> float:
-        """Price that the search may have, without the verification."""
-        production = self.base.price * self.pilots.knobs.time / self.quantity.time
-        return max(self.most * self.base.price, SHARE * production, THRIFT)
+    def cost(self, sizes: Mapping[str, float], others: Settings | None = None) -> float:
+        """What a pilot will cost, in pilots of the case's own cost."""
+        return self.budget.cost(tuple(self.knobs), sizes, others or {})
 
-    def affordable(self, price: float) -> bool:
-        return self.pilots.paid + price <= self.allowance
+    def fits(self, knob: Knob, size: float) -> bool:
+        """True if the search may run one more level of a knob, which is told where it is left out."""
+        cost = self.cost({**self.own, knob.name: size})
+        fits = self.budget.affordable(cost)
+        if not fits and not self.left_out:
+            self.left_out = f"{knob.name} = {knob.shown(size):.4g} would cost {cost:.3g} pilots of the case's own cost"
+        return fits
 
     def climb(self, knob: Knob) -> None:
         """Levels of one knob, all else as in the case: two where theory knows its order, three of others; more while it
@@ -151,12 +161,12 @@ class Search:
         usual = [(factor,) for factor in FIRST] if known else [DRAWN] if knob.noisy else []
         self.levels[name] = [self.level(name, self.base)]
         for ladder in ([hint.levels(knob.noisy)] if hint else []) + usual + [*LADDERS]:
-            finer = sum(f**-knob.cost for f in ladder if f < 1.0) * self.base.price
-            if len(self.levels[name]) >= enough or not self.affordable(finer):
+            sizes = [self.own[name] * factor for factor in ladder]
+            if len(self.levels[name]) >= enough or not all(self.legal(name, size) for size in sizes):
                 continue
-            if all(self.legal(name, self.own[name] * factor) for factor in ladder):
-                for factor in ladder:
-                    self.add(knob, self.own[name] * factor)
+            if self.budget.affordable(sum(self.cost({**self.own, name: size}) for size in sizes)):
+                for size in sizes:
+                    self.add(knob, size)
         if len(self.levels[name]) < enough:
             raise CheckFailed(self.stuck(knob))
         self.refit(knob)
@@ -166,9 +176,10 @@ class Search:
             law = self.laws[name]
             coarsest = float(law.sizes[-1])
             low = law.bound(coarsest) < NEGLIGIBLE * self.wanted
-            if not low or len(law.sizes) > 5 or not self.legal(name, coarsest * STRIDE) or not self.saves(name):
+            size = coarsest * STRIDE
+            if not low or len(law.sizes) > 5 or not self.legal(name, size) or not self.saves(name):
                 return
-            if not self.add(knob, coarsest * STRIDE):
+            if not self.fits(knob, size) or not self.add(knob, size):
                 return
             self.refit(knob)
 
@@ -184,9 +195,9 @@ class Search:
         for word, factor in (("coarser", 1.4), ("finer", 0.7)):
             number = self.pilots.beyond({**self.own, knob.name: factor * own}, self.quantity.time, {})
             found += [f"{word}: {number}"] if number else []
-        left, price = self.allowance - self.pilots.paid, self.base.price
-        found.append(f"{max(left / price, 0.0):.2g} of {self.allowance / price:.2g} pilots of the case's cost are left")
-        needed = math.ceil(self.pilots.paid / price + 0.7**-knob.cost + 0.5**-knob.cost)
+        used, share = self.budget.used, self.budget.share
+        found.append(f"{max(share - used, 0.0):.2g} of {share:.2g} pilots of the case's cost are left")
+        needed = self.budget.asking(max(used + 0.7**-knob.cost + 0.5**-knob.cost, share + 1.0))
         found.append(f"--pilots {needed} pays for finer ones, {needed * self.base.seconds:.2g} s in all")
         others = ",".join(k.name for k in self.knobs if k is not knob)
         return "; ".join([*found, f"without it: --knobs {others}"] if others else found)
@@ -209,6 +220,8 @@ class Search:
         if norm(level.value - self.value) > self.scale:
             return False  # an error as large as the quantity follows no law
         self.levels[name].append(level)
+        if level.size < self.own[name]:
+            self.finer.append(pilot)
         return True
 
     def spread(self, name: str) -> float:
@@ -240,6 +253,7 @@ class Search:
         """A further level of the knob that the reference is least sure of, or the next, where that is affordable."""
         if self.quantity.exact is not None:
             return False
+        self.left_out = ""
         for law in sorted(self.laws.values(), key=lambda law: -law.doubt):
             knob = next(k for k in self.knobs if k.name == law.name)
             if law.doubt < 0.1 * self.wanted:
@@ -253,8 +267,7 @@ class Search:
             finest = float(law.sizes[0])
             for factor in MORE if law.steady else MORE_SCATTERED:
                 size = factor * (self.own[knob.name] if factor > 1.0 else finest)
-                price = self.base.price * (self.own[knob.name] / size) ** knob.cost
-                if self.affordable(price) and self.legal(knob.name, size) and self.add(knob, size):
+                if self.legal(knob.name, size) and self.fits(knob, size) and self.add(knob, size):
                     self.refit(knob)
                     return True
         return False
@@ -275,8 +288,7 @@ class Search:
         for knob in (knob for knob in self.knobs if knob.name in names and self.laws[knob.name].assumed):
             law = self.laws[knob.name]
             for size in (2.0 * float(law.sizes[-1]), *(factor * float(law.sizes[0]) for factor in MORE)):
-                price = self.base.price * (self.own[knob.name] / size) ** knob.cost
-                if self.affordable(price) and self.legal(knob.name, size) and self.add(knob, size):
+                if self.legal(knob.name, size) and self.fits(knob, size) and self.add(knob, size):
                     self.refit(knob)
                     found = True
                     break
@@ -350,8 +362,7 @@ class Search:
         law = next(iter(self.laws.values())) if law is None else law
         size = float(law.sizes[-1])
         at = {**self.own, law.name: size}
-        price = self.base.price * (law.here / size) ** law.cost
-        if its > (CHEAP if saves_only else DEAR) * own or not self.affordable(price):
+        if its > (CHEAP if saves_only else DEAR) * own or not self.budget.affordable(self.cost(at, others)):
             return None
         if not self.pilots.legal(at, self.quantity.time, others):
             return None

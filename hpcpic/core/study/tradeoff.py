@@ -37,8 +37,9 @@ def make_tradeoff_command(app_loader: AppLoader) -> click.Command:
     @click.option("--qoi", metavar="Q", help="What to get right, as 'mean(force_x, from=0.5)'.  [default: the scene's]")
     @click.option("--tolerance", metavar="E", help="Relative error wanted, as 0.01 or 1%: recommend and verify.")
     @click.option("--max-cost", metavar="T", help="Refuse to recommend a run longer than this: 90s, 15m, 2h.")
-    @click.option("--pilots", "most", type=click.FloatRange(3), default=10.0, show_default=True, metavar="N",
-                  help="What the search may cost, in pilots of the case's own cost.")
+    @click.option("--pilots", "most", type=click.FloatRange(3), metavar="N",
+                  help="What search and verification may cost together, in pilots of the case's own cost.  "
+                       "[default: 20, or 6 s, or half of the whole run, the most of these]")
     @click.option("--write", "target", metavar="FILE", help="Write the recommended case there.")
     @click.option("-o", "--output", metavar="DIR", help="Folder of the pilots.  [default: tradeoffs/CASE]")
     @set_option
@@ -67,7 +68,7 @@ class Asked:
     qoi: str | None
     tolerance: str | None
     max_cost: str | None
-    most: float
+    most: float | None
     target: str | None
     output: str | None
     sets: tuple[str, ...]
@@ -100,11 +101,13 @@ def trade(app_loader: AppLoader, asked: Asked) -> None:
                 verified = recommended(made, wanted, limit)
             except CheckFailed as error:
                 refusal = error.message
-        if wanted is None or (verified is not None and verified.certified) or not search.quieter:
+        budget = search.budget
+        again = search.quieter and budget.left >= budget.used  # which the same with less noise will cost too
+        if wanted is None or (verified is not None and verified.certified) or not again:
             break
         sets = " ".join(f"--set '{setting}'" for setting in search.quieter)
         click.echo(f"\nnot certified: the noise of the start hides it. Again, with less noise: {sets}")
-        asked = replace(asked, sets=(*asked.sets, *search.quieter))
+        asked = replace(asked, sets=(*asked.sets, *search.quieter), most=search.budget.left)
     front.write(search, points, verified, refusal, wanted, folder)
     click.echo(f"front: {folder / 'front.png'}, {folder / 'front.csv'}, {folder / 'tradeoff.json'}")
     if verified is not None and wanted is not None:
@@ -235,19 +238,21 @@ def tell_laws(search: Search) -> None:
     rows = []
     for knob in search.knobs:
         law = search.laws[knob.name]
-        order = "no effect" if law.idle else "not seen" if law.assumed else shown(law.order, ".2f")
+        order = "none" if math.isnan(law.order) else f"{law.order:.2f}"
+        order = "no effect" if law.idle else "not seen" if law.assumed else order
         unsteady = f"no: order {law.used:g}, safety {law.safety:g}"
         unsteady = f"drawn: 95 % within order {law.used:g}" if law.random else unsteady
+        unsteady = f"no: scatters about order {law.used:g}" if law.asymptotic else unsteady
         unsteady = "by theory, to be checked" if law.assumed else unsteady
-        steady = "" if law.idle else "yes" if law.asymptotic and not law.assumed else unsteady
+        steady = "" if law.idle else "yes" if law.steady else unsteady
         levels = ", ".join(f"{knob.shown(size):.4g}" for size in law.sizes)
         here = shown(knob.shown(law.here), ".4g", knob.unit)
         error = percent(law.bound(law.here))
         cost, theory = shown(law.cost, ".2f"), (shown(law.theory, "g"), shown(knob.cost, "g"))
         rows.append((knob.name, here, levels, order, theory[0], steady, error, cost, theory[1]))
     click.echo()
-    heads = ("knob", "here", "pilots", "order", "theory", "asymptotic", "error here", "cost exponent", "its theory")
-    table(heads, rows, right=("error here",))
+    heads = ("knob", "here", "pilots", "order", "theory", "asymptotic", "bound here", "cost exponent", "its theory")
+    table(heads, rows, right=("bound here",))
     for scheme in search.schemes[1:]:
         own = f", error {percent(scheme.floor)}" if scheme.floor else ""
         click.echo(f"{scheme.words}: {scheme.cost:.2f} times the cost{own}")
@@ -256,6 +261,10 @@ def tell_laws(search: Search) -> None:
         f"reference   {' '.join(f'{v:.6g}' for v in search.reference[:6])}, known to {percent(search.uncertainty)}; "
         f"the case itself is off by {percent(search.error(search.value))}{known}"
     )
+    if search.left_out:
+        finer = "" if search.finer else "; no pilot is finer than the case"
+        taken = f"{search.budget.used:.3g} of {search.budget.share:.3g} are taken"
+        click.echo(f"left out    {search.left_out}: {taken}{finer}")
 
 
 def sizes_text(search: Search, sizes: Any) -> str:
@@ -271,13 +280,18 @@ def tell_front(search: Search, points: list) -> None:
         click.echo(f"front: none, as the reference is known to {percent(search.uncertainty)} only")
         return
     rows = [
-        (percent(p.bound), shown(p.cost * whole, ".3g"), shown(1 / p.cost, ".3g"),
+        (percent(p.bound), shown(p.cost * whole, ".3g"), against(1 / p.cost),
          sizes_text(search, p.sizes), p.scheme.words)
         for p in points
     ]  # fmt: skip
-    table(("error", "seconds", "times faster", "settings", "scheme"), rows, right=("seconds", "times faster"))
+    table(("error bound", "seconds", "beside the case", "settings", "scheme"), rows, right=("seconds",))
     laws = list(search.laws.values())
     click.echo(f"the case as it is: {whole:.3g} s; cost ~ error^-{slope(laws):.2f} by the laws")
+
+
+def against(ratio: float, more: str = "faster", less: str = "dearer") -> str:
+    """ "3 times faster", or "4 times dearer" for 0.25."""
+    return f"{ratio:.3g} times {more}" if ratio >= 1.0 else f"{1 / ratio:.3g} times {less}"
 
 
 def recommended(made: Recommendation, wanted: float, limit: float | None) -> Verified:
@@ -310,18 +324,19 @@ def tell_recommendation(search: Search, verified: Verified, wanted: float) -> No
     faster, fewer = search.base.seconds * scale / seconds, search.base.work / verified.pilot.work
     estimated = search.base.price / verified.pilot.price
     beside = [f"{words} neighbour {percent(error)}" for words, error in verified.neighbours.items()]
+    dearest = min(DEAREST, max(search.budget.left, 0.0))
     left_out = " and ".join(words for words in ("coarser", "finer") if words not in verified.neighbours)
-    beside += [f"{left_out} neighbour not run: dearer than {DEAREST:g} pilots, or beyond a limit"] if left_out else []
+    beside += [f"{left_out} neighbour not run: dearer than {dearest:.2g} pilots, or beyond a limit"] if left_out else []
     seen = search.pilots.knobs.seen
     field = f"; {seen.name} at the end off by {percent(verified.field)}" if seen and verified.field >= 0.0 else ""
     head = "certified   " if verified.certified else "marked      NOT certified: "
     click.echo(
         f"{head}off by {percent(verified.error)}, from a reference known to {percent(search.uncertainty)}, "
         f"where {percent(wanted)} is allowed\n            {', '.join(beside)}{field}\n"
-        f"cost        {duration(seconds)} for the whole run, {faster:.3g} times faster than the case "
-        f"(estimated: {estimated:.3g}); {fewer:.3g} times fewer {search.pilots.knobs.work_unit}\n"
+        f"cost        {duration(seconds)} for the whole run, {against(faster)} than the case "
+        f"(estimated: {against(estimated)}); {against(fewer, 'fewer', 'more')} {search.pilots.knobs.work_unit}\n"
         f"search      {duration(search.pilots.spent)} of steps, "
-        f"{search.pilots.spent / search.base.seconds:.3g} pilots of the case's own cost"
+        f"{search.budget.used:.3g} of {search.budget.allowance:.3g} pilots of the case's own cost"
     )
     for warning in verified.warnings:
         click.echo(f"warning: {warning}", err=True)

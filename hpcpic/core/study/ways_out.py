@@ -21,17 +21,20 @@ def ways(made: Recommendation, tolerance: float) -> list[str]:
     found = [f"--tolerance {percent(1.05 * reached).replace(' ', '')} is certified by the case itself, at no cost"]
     if reached <= tolerance:
         found = [f"the case itself is off by {percent(search.error(search.value))}: it may stay as it is"]
+    if search.quieter:
+        found.append(f"a start with less noise: {' '.join(f'--set {setting}' for setting in search.quieter)}")
     return [*found, *dearer(made, tolerance), *deeper(made, tolerance), *ensemble(made, tolerance)]
 
 
 def dearer(made: Recommendation, tolerance: float) -> list[str]:
     """Settings that the laws promise to be good enough, and that were not run for their price."""
-    proposal = made.first(made.certain(tolerance))
+    proposal, search = made.first(tolerance), made.search
     price = made.price(proposal)
-    seconds = price * made.search.base.seconds
-    if price <= made.most or seconds > DAYS:
+    seconds = price * search.base.seconds
+    if price <= search.budget.left or seconds > DAYS:
         return []
-    return [f"--pilots {math.ceil(price)} runs {made.text(proposal)} too, {duration(seconds)}"]
+    pilots = math.ceil(max(2.0 * price, search.budget.used + price))  # the other half may go to the search
+    return [f"--pilots {pilots} runs {made.text(proposal)} too, {duration(seconds)}"]
 
 
 def deeper(made: Recommendation, tolerance: float) -> list[str]:
@@ -51,7 +54,7 @@ def deeper(made: Recommendation, tolerance: float) -> list[str]:
         return []
     drawn = any(halved[law.name] and law.random for law in search.laws.values())
     if not drawn:
-        pilots = math.ceil(search.pilots.paid / search.base.price + extra)
+        pilots = search.budget.asking(search.budget.used + extra)
         if extra * search.base.seconds > DAYS:
             return []
         return [f"--pilots {pilots} may measure it: about {duration(extra * search.base.seconds)} more"]
@@ -74,10 +77,11 @@ def ensemble(made: Recommendation, tolerance: float) -> list[str]:
     other = knobs.seed or knobs.shaken
     if other is None or not any(not law.asymptotic and not law.idle for law in search.laws.values()):
         return []
-    snapshot = knobs.seen.snapshot(float(search.quantity.time)) if knobs.seen else ()
+    if (needed := search.budget.used + len(SEEDS)) > search.budget.allowance:
+        return [f"--pilots {math.ceil(needed)} tells how far seeds lie apart"]
     values = [search.value] if knobs.seed else []
     for seed in SEEDS:
-        more = (*other(seed), *snapshot)
+        more = (*other(seed), *search.snapshot)
         pilot = made.pilots.run(search.own, search.quantity.time, None, more, words=f"seed {seed}")
         try:
             values.append(search.measured(pilot))

@@ -11,7 +11,7 @@ import pytest
 
 from hpcpic.core.app.read import read_case
 from hpcpic.core.cli.main import build
-from hpcpic.core.study import record, search
+from hpcpic.core.study import budget, record
 from hpcpic.core.study.record import Found, Hint, Law, Record, words
 
 B = 0.3  # of error_app: its error in dt is -B dt^2
@@ -21,7 +21,7 @@ B = 0.3  # of error_app: its error in dt is -B dt^2
 def case(tmp_path, monkeypatch):
     """read(settings) -> the case with them; its record lies in a cache of this test."""
     monkeypatch.setenv("HPCPIC_CACHE_DIR", str(tmp_path / "cache"))
-    monkeypatch.setattr(search, "THRIFT", 0.0)  # these pilots cost nothing
+    monkeypatch.setattr(budget, "THRIFT", 0.0)  # these pilots cost nothing
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "case.conf"
     path.write_text("steps = 400;\ndt = 0.05;\n")

@@ -19,7 +19,7 @@ from hpcpic.core.case.config import load
 from hpcpic.core.case.schema import validate
 from hpcpic.core.cli.main import build
 from hpcpic.core.errors import ConfigError
-from hpcpic.core.study import search
+from hpcpic.core.study import budget, search
 from hpcpic.core.study.error_models import (
     SAFETY,
     SAFETY_IMPLAUSIBLE,
@@ -34,7 +34,7 @@ from hpcpic.core.study.error_models import (
 )
 from hpcpic.core.study.front import commented
 from hpcpic.core.study.recommend import Proposal, Recommendation
-from hpcpic.core.study.tradeoff import make_tradeoff_command, parse_tolerance
+from hpcpic.core.study.tradeoff import against, make_tradeoff_command, parse_tolerance
 
 A, B, C = 0.4, 0.3, 0.02  # of error_app
 
@@ -113,13 +113,13 @@ def test_a_knob_without_effect_goes_as_far_as_was_measured():
 
 def test_the_budget_is_split_as_c_over_p_and_no_other_split_is_cheaper():
     laws = [power_law("dx", 0.03, 2.0, 2.0), power_law("dt", 0.02, 2.0, 1.0), power_law("n", 0.05, 1.0, 1.0)]
-    budget = 0.01
-    sizes = cheapest(laws, budget, {})
+    budgeted = 0.01
+    sizes = cheapest(laws, budgeted, {})
     bounds = {law.name: law.bound(sizes[law.name]) for law in laws}
-    assert sum(bounds.values()) == pytest.approx(budget, rel=1e-6)
+    assert sum(bounds.values()) == pytest.approx(budgeted, rel=1e-6)
     shares = weights(laws)
     for law in laws:
-        assert bounds[law.name] == pytest.approx(budget * shares[law.name] / sum(shares.values()), rel=1e-6)
+        assert bounds[law.name] == pytest.approx(budgeted * shares[law.name] / sum(shares.values()), rel=1e-6)
     best = relative_cost(laws, sizes)
     for taker, giver in itertools.permutations(laws, 2):
         moved = bounds | {taker.name: 1.1 * bounds[taker.name]}
@@ -147,6 +147,11 @@ def test_tolerances_are_read():
             parse_tolerance(text)
 
 
+def test_what_is_slower_is_called_dearer():
+    assert against(3.25) == "3.25 times faster" and against(1 / 45) == "45 times dearer"
+    assert against(0.5, "fewer", "more") == "2 times more"
+
+
 def test_comments_stand_at_their_keys():
     text = "a = 1;\ng = {\n  a = 2;  # s\n};\nl = (\n  {\n    a = 3;\n  },\n  {\n    a = 4;\n  }\n);\n"
     made = commented(text, {"a": "top", "g.a": "inner", "l[1].a": "second"})
@@ -170,7 +175,7 @@ def program(tmp_path, monkeypatch, capfd):
     (tmp_path / "case.conf").write_text("# what: known errors\nsteps = 400;\ndt = 0.05;\n")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("HPCPIC_CACHE_DIR", str(tmp_path / "cache"))  # where the record of searches is
-    monkeypatch.setattr(search, "THRIFT", 0.0)  # these pilots cost nothing
+    monkeypatch.setattr(budget, "THRIFT", 0.0)  # these pilots cost nothing
 
     def run(*words, **settings):
         sets = [word for key, value in settings.items() for word in ("--set", f"{key}={value}")]
@@ -192,7 +197,7 @@ def found(folder, name="out"):
 
 def true_error(sizes):
     """Of the known errors, and the sum of their sizes."""
-    parts = A * sizes["dx"] ** 2, -B * sizes["dt"] ** 2, C * sizes["particles"]
+    parts = A * sizes["dx"] ** 2, -B * sizes["dt"] ** 2, C / sizes["particles"]
     return abs(sum(parts)), sum(map(abs, parts))
 
 
@@ -201,6 +206,7 @@ def test_a_recommendation_keeps_the_tolerance_without_luck_and_goes_on_where_it_
     assert program(*words[:3]).returncode == 0
     orders = {name: knob["order"] for name, knob in found(tmp_path)["knobs"].items()}
     assert orders == pytest.approx({"dx": 2.0, "dt": 2.0, "particles": 1.0}, abs=0.02)
+    assert found(tmp_path)["knobs"]["particles"]["here"] == 1000  # the number of the case, not its inverse
     done = program(*words)
     assert done.returncode == 0, done.stderr
     facts = found(tmp_path)
@@ -253,12 +259,44 @@ def test_a_case_that_is_measured_to_be_good_is_recommended_where_the_laws_cannot
 def test_a_setting_that_is_better_than_a_finer_one_is_not_certified(program, tmp_path, bump, certified):
     """The error of dx = 0.14 is within 1 %; beside it at 0.11 it is 2 % more, which no law of three levels shows."""
     words = ("tradeoff", "-o", "out", "--tolerance", "1%", "--knobs", "dx")
-    done = program(*words, exact="true", bump=bump, particles=10**5)
+    done = program(*words, exact="true", bump=bump, particles=10**5, dx=0.16)  # which is itself off by 1.02 %
     best = found(tmp_path)["recommended"]
     assert 0.132 < best["sizes"]["dx"] < 0.162 and best["error"] <= 0.01, "the neighbour would not be in the bump"
     assert best["neighbours"]["finer"] == pytest.approx(A * (best["sizes"]["dx"] / 1.25) ** 2 + bump, rel=0.2)
     assert (done.returncode, best["certified"]) == (0 if certified else 3, certified)
     assert ("not certified: the finer neighbour is off by 2." in done.stderr) != certified
+
+
+def test_where_that_is_luck_the_case_itself_is_recommended_if_it_is_good_enough(program, tmp_path):
+    words = ("tradeoff", "-o", "out", "--tolerance", "1%", "--knobs", "dx")
+    done = program(*words, exact="true", bump=0.02, particles=10**5)
+    best = found(tmp_path)["recommended"]
+    assert done.returncode == 0 and best["certified"] and best["sizes"]["dx"] == 0.1
+    assert "would do by itself, but the finer neighbour is off by 2." in done.stderr
+
+
+@pytest.mark.parametrize("noise", [0.0005, 0.001, 0.002, 0.004, 0.008])
+def test_no_setting_dearer_than_the_case_is_recommended_where_that_is_certified_itself(program, tmp_path, noise):
+    """Errors that scatter make laws that promise less than was measured."""
+    done = program("tradeoff", "-o", "out", "--tolerance", "1%", "--knobs", "dx", noise=noise, dx=0.14, dear=4)
+    told = next(line for line in done.stdout.splitlines() if line.startswith("dx "))
+    assert " nan " not in told and not (" none " in told and " yes " in told)
+    facts = found(tmp_path)
+    best = facts["recommended"]
+    certified = facts["error_here"] + facts["uncertainty"] <= 0.01
+    assert not certified or best["work"] <= facts["pilot_work"]
+
+
+@pytest.mark.parametrize("most", [3.0, 5.0, 9.0, 30.0])
+@pytest.mark.parametrize("settings", [{"noise": 0.01}, {"order": 3.5, "dx": 0.3}, {"start": 0.05}])
+def test_pilots_cost_no_more_than_is_allowed(program, tmp_path, most, settings):
+    done = program("tradeoff", "-o", "out", "--tolerance", "0.3%", "--pilots", str(most), dear=3, **settings)
+    assert done.returncode in (0, 3) and "Traceback" not in done.stderr
+    if not (tmp_path / "out/tradeoff.json").exists():  # not even two levels of each knob
+        assert most < 6.0 and "pilots of the case's cost are left; --pilots " in done.stderr
+        return
+    facts = found(tmp_path)
+    assert facts["allowed_pilots"] <= most and facts["search_pilots"] <= facts["allowed_pilots"]
 
 
 def test_a_neighbour_that_is_not_run_is_told(program, tmp_path, monkeypatch):
@@ -318,7 +356,8 @@ def test_what_check_warns_of_is_not_recommended(program, tmp_path, monkeypatch):
 def test_what_is_far_finer_than_the_case_has_the_price_of_theory():
     """Start-up hides what coarse pilots take: their clocks alone would call a far finer run nearly as cheap."""
     base, knob = SimpleNamespace(price=1.0), SimpleNamespace(name="dx", cost=3.0)
-    known = SimpleNamespace(pilots=None, schemes=[], knobs=[knob], own={"dx": 1.0}, base=base, allowance=search.PILOTS)
+    known = SimpleNamespace(pilots=None, schemes=[], knobs=[knob], own={"dx": 1.0}, base=base)
+    known.budget = SimpleNamespace(allowance=10.0)
     scheme = search.Scheme({}, 1.0, 0.0, ())
     far = Proposal(scheme, {"dx": 0.1}, {}, cost=2.0)  # by exponents of clocks
     assert Recommendation(known).price(far) == pytest.approx(1000.0)
@@ -356,6 +395,7 @@ def test_a_scalar_at_the_end_is_a_quantity_and_noise_is_called_not_asymptotic(pr
     done = program("tradeoff", "-o", "out", "--qoi", "last(answer)", "--knobs", "dx", noise=0.01)
     assert done.returncode == 0, done.stderr
     assert "no: order 2, safety 3" in done.stdout or found(tmp_path)["knobs"]["dx"]["bound_here"] > 1e-3
+    assert " nan " not in done.stdout
 
 
 def command(folder, *words, ranks):
