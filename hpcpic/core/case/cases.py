@@ -7,7 +7,7 @@ line that starts with more than one space goes on with the line before it.
 import difflib
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -90,3 +90,17 @@ def find_case(case: str, shipped: Mapping[str, Path]) -> Path:
     near = difflib.get_close_matches(case, shipped, 1)
     hint = f"; did you mean {near[0]!r}?" if near else f"; shipped cases: {', '.join(shipped)}"
     raise ConfigError(f"{case}: no such file, and no shipped case is called so{hint}")
+
+
+def stranger(keys: Collection[str], data: Mapping[str, Any], file: str) -> str:
+    """What the data of a file are that are no case of the program with these keys; empty where they may be one."""
+    if not data:
+        return ""
+    own = next((program for program, theirs in PROGRAMS.items() if theirs == set(keys)), "")
+    found = fits(data)
+    here, other = found.get(own, fit(data, keys)), max(found, key=lambda program: found[program])
+    if found[other] > max(here, 0):
+        return f"this is a case of {other}; run: {other} check {file}"
+    if here == -len(data):
+        return f"no case: it has none of the keys {', '.join(keys)}"
+    return ""

@@ -306,6 +306,22 @@ def put(tree: Tree, parent: Any, path: Path, value: Any, place: Place) -> None:
     tree.places[path] = place
 
 
+def is_whole(value: Any) -> bool:
+    """Whether a float stands for an integer, and for one that a float holds exactly."""
+    return isinstance(value, float) and value.is_integer() and abs(value) <= 2**53
+
+
+def put_value(holder: Any, path: Path, value: Any) -> Any:
+    """`holder` with another value at a path; tuples, which do not change, are made anew."""
+    if not path:
+        return value
+    inner = put_value(holder[path[0]], path[1:], value)
+    if isinstance(holder, tuple):
+        return tuple(inner if i == path[0] else item for i, item in enumerate(holder))
+    holder[path[0]] = inner
+    return holder
+
+
 def absent(group: Any, path: Path) -> str:
     """What is said of a key or an index that a group does not have, with the key of it that was meant."""
     keys = list(group) if isinstance(group, dict) else []

@@ -12,15 +12,14 @@ from typing import Annotated, Any, ClassVar, TypeVar
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic.fields import FieldInfo
 
-from hpcpic.core.case.cases import PROGRAMS, fit, fits
-from hpcpic.core.case.config import Path, Place, Tree, dotted
+from hpcpic.core.case.cases import stranger
+from hpcpic.core.case.config import Path, Place, Tree, dotted, is_whole, put_value
 from hpcpic.core.case.texts import value_text
 from hpcpic.core.case.words import SYNONYMS
 from hpcpic.core.errors import ConfigError
 
 REQUIRED = ...
 MOST_TOLD = 100  # of the faults of a case
-MOST_WHOLE = 2**53  # up to which a float holds every integer
 
 
 class Section(BaseModel):
@@ -89,7 +88,8 @@ def validate(
     try:
         config = typed(model, tree)
     except ValidationError as error:
-        if other := stranger(model, tree):
+        file = tree.files[0][0] if tree.files else ""
+        if not tree.incomplete and (other := stranger(model.model_fields, tree.data, file)):
             raise ConfigError(f"{tree.where(())}: {other}") from None
         found = [fault for fault in error.errors() if not (tree.incomplete and fault["type"] == "missing")]
         wrong = {fault["loc"][:-1] for fault in found}  # a list is too short without its elements that are wrong
@@ -118,36 +118,6 @@ def typed(model: type[Model], tree: Tree) -> Model:
     for path, value in whole:
         put_value(tree.data, path, int(value))
     return model.model_validate(tree.data)
-
-
-def is_whole(value: Any) -> bool:
-    return isinstance(value, float) and value.is_integer() and abs(value) <= MOST_WHOLE
-
-
-def put_value(holder: Any, path: Path, value: Any) -> Any:
-    """`holder` with another value at a path; tuples, which do not change, are made anew."""
-    if not path:
-        return value
-    inner = put_value(holder[path[0]], path[1:], value)
-    if isinstance(holder, tuple):
-        return tuple(inner if i == path[0] else item for i, item in enumerate(holder))
-    holder[path[0]] = inner
-    return holder
-
-
-def stranger(model: type[Section], tree: Tree) -> str:
-    """What a tree is that is no case of this program; empty where it may be one."""
-    if tree.incomplete or not tree.data:
-        return ""
-    own = next((program for program, keys in PROGRAMS.items() if keys == set(model.model_fields)), "")
-    found = fits(tree.data)
-    here, other = found.get(own, fit(tree.data, model.model_fields)), max(found, key=lambda program: found[program])
-    if found[other] > max(here, 0):
-        file = tree.files[0][0] if tree.files else ""
-        return f"this is a case of {other}; run: {other} check {file}"
-    if here == -len(tree.data):
-        return f"no case: it has none of the keys {', '.join(model.model_fields)}"
-    return ""
 
 
 def magnitude_faults(config: Section) -> Iterator[tuple[Path, str]]:
