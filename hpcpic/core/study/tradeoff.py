@@ -27,13 +27,22 @@ if TYPE_CHECKING:
 WANTED = 0.01  # the error that matters when no tolerance is asked for
 
 
-def make_tradeoff_command(app_loader: AppLoader) -> click.Command:
-    among = ", ".join(app_loader().knob_names)
+class KnobsOption(click.Option):
+    """An option of which the help names the knobs of the program, and loads the app for that alone."""
 
+    def __init__(self, *words: Any, app_loader: AppLoader, **more: Any) -> None:
+        super().__init__(*words, **more)
+        self.app_loader = app_loader
+
+    def get_help_record(self, context: click.Context) -> tuple[str, str] | None:
+        self.help = f"Only these knobs, of {', '.join(self.app_loader().knob_names)}.  [default: all that the case has]"
+        return super().get_help_record(context)
+
+
+def make_tradeoff_command(app_loader: AppLoader) -> click.Command:
     @click.command("tradeoff")
     @click.argument("case")
-    @click.option("--knobs", "names", metavar="A,B",
-                  help=f"Only these knobs{among and f', of {among}'}.  [default: all that the case has]")
+    @click.option("--knobs", "names", metavar="A,B", cls=KnobsOption, app_loader=app_loader)
     @click.option("--qoi", metavar="Q", help="What to get right, as 'mean(force_x, from=0.5)'.  [default: the scene's]")
     @click.option("--tolerance", metavar="E", help="Relative error wanted, as 0.01 or 1%: recommend and verify.")
     @click.option("--max-cost", metavar="T", help="Refuse to recommend a run longer than this: 90s, 15m, 2h.")
