@@ -77,9 +77,8 @@ class Search:
         brief: bool = False,
         hints: Mapping[str, Hint] | None = None,
     ) -> None:
-        """wanted: the least error that matters; most: pilots that search and verification may take; brief: two levels
-        of a knob will do where theory knows its order, as a recommendation is to be run that checks it; hints: of
-        earlier searches.
+        """wanted: the least error that matters; most: pilots that may be taken; brief: two levels of a knob will do
+        where theory knows its order, as a recommendation is to be run that checks it; hints: of earlier searches.
         """
         self.pilots, self.knobs, self.choices, self.quantity = pilots, knobs, choices, quantity
         self.wanted, self.brief, self.hints = wanted, brief, hints or {}
@@ -98,6 +97,8 @@ class Search:
         self.field_scale = norm(self.field) if self.field is not None else 0.0
         for knob in knobs:
             self.climb(knob)
+        for knob in knobs:
+            self.stride(knob)
         while self.uncertainty > 0.5 * self.wanted and self.more():
             pass
         self.schemes = list(self.combinations())
@@ -152,34 +153,40 @@ class Search:
         return fits
 
     def climb(self, knob: Knob) -> None:
-        """Levels of one knob, all else as in the case: two where theory knows its order, three of others; more while it
-        shows little effect. Those that earlier searches and theory say to tell most are tried first.
+        """Levels of one knob, all else as in the case: two where theory knows its order, three of others. Those that
+        earlier searches and theory say to tell most are tried first.
         """
         name, hint = knob.name, self.hints.get(knob.name)
         known = self.brief and not knob.noisy and (hint is None or hint.steady)
-        enough = 2 if known else 3
+        enough, lacking = 2 if known else 3, []
         usual = [(factor,) for factor in FIRST] if known else [DRAWN] if knob.noisy else []
         self.levels[name] = [self.level(name, self.base)]
         for ladder in ([hint.levels(knob.noisy)] if hint else []) + usual + [*LADDERS]:
             sizes = [self.own[name] * factor for factor in ladder]
             if len(self.levels[name]) >= enough or not all(self.legal(name, size) for size in sizes):
                 continue
-            if self.budget.affordable(sum(self.cost({**self.own, name: size}) for size in sizes)):
-                for size in sizes:
-                    self.add(knob, size)
+            cost = sum(self.cost({**self.own, name: size}) for size in sizes)
+            if not self.budget.affordable(cost):
+                lacking.append(cost)
+                continue
+            for size in sizes:
+                self.add(knob, size)
         if len(self.levels[name]) < enough:
-            raise CheckFailed(self.stuck(knob))
+            raise CheckFailed(self.stuck(knob, min(lacking, default=0.7**-knob.cost + 0.5**-knob.cost)))
         self.refit(knob)
         if self.spread(name) <= self.noise(name):
             self.complete([name])  # whether its effect has an order, or is drowned
+
+    def stride(self, knob: Knob) -> None:
+        """Coarser levels of a knob while it shows little effect."""
+        name = knob.name
         while True:
             law = self.laws[name]
             coarsest = float(law.sizes[-1])
             low = law.bound(coarsest) < NEGLIGIBLE * self.wanted
             size = coarsest * STRIDE
-            if not low or len(law.sizes) > 5 or not self.legal(name, size) or not self.saves(name):
-                return
-            if not self.fits(knob, size) or not self.add(knob, size):
+            wanted = low and len(law.sizes) <= 5 and self.legal(name, size) and self.saves(name)
+            if not (wanted and self.fits(knob, size) and self.add(knob, size)):
                 return
             self.refit(knob)
 
@@ -188,8 +195,8 @@ class Search:
         coarsest = max(self.levels[name], key=lambda level: level.size)
         return coarsest.price < SAVES * self.base.price
 
-    def stuck(self, knob: Knob) -> str:
-        """A sentence on why there are no three levels of a knob."""
+    def stuck(self, knob: Knob, cost: float) -> str:
+        """A sentence on why there are no three levels of a knob, the cheapest of which cost so many pilots."""
         own = self.own[knob.name]
         found = [f"{knob.name}: no three levels about {knob.shown(own):.4g} {knob.unit}".rstrip()]
         for word, factor in (("coarser", 1.4), ("finer", 0.7)):
@@ -197,8 +204,8 @@ class Search:
             found += [f"{word}: {number}"] if number else []
         used, share = self.budget.used, self.budget.share
         found.append(f"{max(share - used, 0.0):.2g} of {share:.2g} pilots of the case's cost are left")
-        needed = self.budget.asking(max(used + 0.7**-knob.cost + 0.5**-knob.cost, share + 1.0))
-        found.append(f"--pilots {needed} pays for finer ones, {needed * self.base.seconds:.2g} s in all")
+        needed = self.budget.asking(used + cost)
+        found.append(f"--pilots {needed} pays for them, {needed * self.base.seconds:.2g} s in all")
         others = ",".join(k.name for k in self.knobs if k is not knob)
         return "; ".join([*found, f"without it: --knobs {others}"] if others else found)
 

@@ -338,12 +338,16 @@ def tell_recommendation(search: Search, verified: Verified, wanted: float) -> No
     beside += [f"{left_out} neighbour not run: dearer than {dearest:.2g} pilots, or beyond a limit"] if left_out else []
     seen = search.pilots.knobs.seen
     field = f"; {seen.name} at the end off by {percent(verified.field)}" if seen and verified.field >= 0.0 else ""
+    compared = (
+        f", {against(faster)} than the case (estimated: {against(estimated)}); "
+        f"{against(fewer, 'fewer', 'more')} {search.pilots.knobs.work_unit}"
+    )
+    compared = ": it is the case itself" if verified.pilot is search.base else compared
     head = "certified   " if verified.certified else "marked      NOT certified: "
     click.echo(
         f"{head}off by {percent(verified.error)}, from a reference known to {percent(search.uncertainty)}, "
         f"where {percent(wanted)} is allowed\n            {', '.join(beside)}{field}\n"
-        f"cost        {duration(seconds)} for the whole run, {against(faster)} than the case "
-        f"(estimated: {against(estimated)}); {against(fewer, 'fewer', 'more')} {search.pilots.knobs.work_unit}\n"
+        f"cost        {duration(seconds)} for the whole run{compared}\n"
         f"search      {duration(search.pilots.spent)} of steps, "
         f"{search.budget.used:.3g} of {search.budget.allowance:.3g} pilots of the case's own cost"
     )
