@@ -35,7 +35,7 @@ ENOUGH_NODES = {2: 10.0, 3: 7.0}  # across a grain (Mansouri et al., section 4)
 
 def derived(config: LbmDemConfig, ranks: int = 1) -> list[Derived]:
     """Every derived number of a completed case that runs on so many ranks."""
-    parts = (relaxation, lattice_units, speeds, driven, steady, pressures, inflow, sloshing)
+    parts = (relaxation, lattice_units, speeds, driven, steady, pressures, inflow, ringing, sloshing)
     fluid = [number for part in parts for number in part(config)] if config.fluid else []
     fluid += obstacles(config) if config.fluid else []
     solids = [*grains(config), *unheld(config), *contacts(config), *slices(config)]
@@ -134,6 +134,20 @@ def inflow(config: LbmDemConfig) -> Iterator[Derived]:
     cure = f"what flows in has no way out: a pressure face across {AXES[axis]} is one"
     key = ("boundary", given[-1][0], "velocity")
     yield density("mean density at the end", mean, "conservation of mass", cure, key)
+
+
+def ringing(config: LbmDemConfig) -> Iterator[Derived]:
+    """Period of the lowest sound along an axis with a face that lets fluid through, and throws back sound: a quarter of
+    a wave between a pressure face and one of another kind, half a wave between two of one kind.
+    """
+    kinds = {face.face: face.type for face in config.boundary}
+    for axis, length in zip(AXES, config.domain.size):
+        ends = [kinds.get(axis + side, "wall") for side in "-+"]
+        if set(ends) & {"pressure", "velocity"} and axis not in config.domain.periodic:
+            waves = 4 if ends.count("pressure") == 1 else 2
+            period = waves * length * config.time_step / config.spacing / math.sqrt(CS2)
+            source = "faces throw it back: means over whole periods"
+            yield Derived(f"period of sound along {axis}", f"{waves} L/c", period, "s", source=source)
 
 
 def sloshing(config: LbmDemConfig) -> Iterator[Derived]:

@@ -7,7 +7,7 @@ from app_runner import running
 from hpcpic.core.case.config import loads
 from hpcpic.core.errors import ConfigError
 from lbmdem.configure import configure
-from lbmdem.forecast.derived import known_speed
+from lbmdem.forecast.derived import derived, known_speed
 from lbmdem.setup.scene import Scene
 
 BOX = """
@@ -65,3 +65,16 @@ def test_a_channel_keeps_the_parabola_that_comes_in(world, axis):
         low, high = app.domain.row_range(world.rank) if axis == 0 else (0, 20)
         y = (np.arange(low, high) + 0.5) / 20
         assert np.abs(across / (0.02 * 6 * y * (1 - y))[:, None] - 1).max() < 0.02
+
+
+@pytest.mark.parametrize(
+    "type, given, waves", [("velocity", "velocity = [0.02, 0.0, 0.0]", 4), ("pressure", "pressure = 0.0", 2)]
+)
+def test_the_period_of_sound_between_open_faces_is_told(type, given, waves):
+    """A quarter of a wave between velocity and pressure, half a wave between two pressures."""
+    text = BOX.format(periodic="", type=type, given=given, length=0.8, height=0.6)
+    config = configure(loads(text.replace('; profile = "parabolic"', "")))
+    found = {one.name: one.value for one in derived(config)}
+    sound = 0.02 / config.time_step / np.sqrt(3.0)
+    assert found["period of sound along x"] == pytest.approx(waves * 0.8 / sound)
+    assert "period of sound along y" not in found
