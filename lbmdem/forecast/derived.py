@@ -140,7 +140,7 @@ def ringing(config: LbmDemConfig) -> Iterator[Derived]:
     """Period of the lowest sound along an axis with a face that lets fluid through, and throws back sound: a quarter of
     a wave between a pressure face and one of another kind, half a wave between two of one kind.
     """
-    kinds = {face.face: face.type for face in config.boundary}
+    kinds: dict[str, str] = {face.face: face.type for face in config.boundary}
     for axis, length in zip(AXES, config.domain.size):
         ends = [kinds.get(axis + side, "wall") for side in "-+"]
         if set(ends) & {"pressure", "velocity"} and axis not in config.domain.periodic:
