@@ -70,7 +70,8 @@ def overlaps(config: LbmDemConfig) -> Iterator[Derived]:
             layers = layers_at_rest(config, group)
             weight = mass * gravity * abs(1.0 - density / group.density)
             share = layers * weight / stiffness / size
-            cure = f"normal_stiffness = {rounded_up(layers * weight / (0.01 * size)):g} gives 1 % for {group.name}"
+            enough = layers * weight / (0.01 * size)  # 0 for what neither sinks nor rises
+            cure = f"normal_stiffness = {rounded_up(enough):g} gives 1 % for {group.name}" if enough else ""
             source = f"weight of {layers:.3g} layers of grains" if layers > 1.0 else "weight of one layer of grains"
             yield overlap("overlap at rest", share, source, cure, key, forceable=share < 1.0)  # else it falls through
             if law.friction and law.viscosity and not law.shear:

@@ -125,7 +125,8 @@ TABLE = {
         ("1.1", "CC", layer(1.1)),
     ],
     "density ratio": [
-        *((f"{r}", "A", ratio(r)) for r in (0.001, 0.01, 0.1, 1.0, 1.001, 1.01, 2.65, 10.0, 1000.0)),
+        *((f"{r}", "B", ratio(r)) for r in (0.001, 0.01, 0.1)),
+        *((f"{r}", "A", ratio(r)) for r in (1.0, 1.001, 1.01, 2.65, 10.0, 1000.0)),
         ("1.01 explicit", "A", ratio(1.01, "explicit")),
         ("0.2 explicit", "B", ratio(0.2, "explicit")),
         ("0.01 explicit", "CD", ratio(0.01, "explicit")),
