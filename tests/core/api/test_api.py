@@ -363,9 +363,9 @@ def test_limits_bind_in_python_too(tmp_path):
     case = hpcpic.Case("plasma-oscillation").changed({"simulation.time_step": 100.0})
     assert not case.check().ok
     assert case.check()["wp dt"].verdict == "fail"
-    with pytest.raises(hpcpic.ConfigError, match="limit < 1.2, stable below 2"):
+    with pytest.raises(hpcpic.ConfigError, match=r"limit < 1\.2, stable below 2"):
         case.run(tmp_path / "run")
-    with pytest.raises(hpcpic.ConfigError, match="limit < 1.2, stable below 2"):
+    with pytest.raises(hpcpic.ConfigError, match=r"limit < 1\.2, stable below 2"):
         case.simulation()
     assert not (tmp_path / "run").exists()
 
