@@ -267,7 +267,7 @@ class Immersed:
         grains = [self._total(parts, number) for parts in ([self._pending], last)]
         if number:  # what is owed is taken with what is pending, whoever brought it
             grains[0][0, 6] += self._world.sum_int(np.array([self._owed], np.int64))[0]
-        if not self.refill.counts_momentum:
+        if self.refill.keeps_mass and not self.refill.counts_momentum:
             grains[1][:, 6] = 0  # counted in what is owed
         walls = [self._of_walls(parts) for parts in ([], last)]
         return np.vstack((np.hstack(grains), np.hstack(walls)))
