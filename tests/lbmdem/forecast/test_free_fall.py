@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 from app_runner import running
+from lattice_scenes import SPHERE
 
 from hpcpic.core.case.config import loads
 from hpcpic.core.physics.contact_law import deepest_overlap
@@ -20,13 +21,6 @@ domain = { size = [0.016, 0.016]; spacing = 5.0e-4; periodic = ["x", "y"]; };
 fluid = { density = 1000.0; viscosity = 1.0e-5; relaxation_time = 0.6; };
 grains = ({ diameter = 5.0e-3; density = 1200.0; position = [0.008, 0.008]; });
 gravity = [0.0, -1.0];
-"""
-SPHERE = """
-simulation = { end_time = 1.0; };
-domain = { size = [0.1, 0.1, 0.16]; spacing = 2.0e-3; };
-fluid = { density = 960.0; viscosity = 6.04e-5; relaxation_time = 0.9; };
-grains = ({ diameter = 0.015; density = 1120.0; position = [0.05, 0.05, 0.12]; });
-gravity = [0.0, 0.0, -9.81];
 """
 DRY = """
 simulation = { end_time = 1.0; };

@@ -1,20 +1,13 @@
 """Cures of `check` pass when they are taken, and what it says names the grain."""
 
 import pytest
+from lattice_scenes import SPHERE
 
 from hpcpic.core.case.config import loads
 from hpcpic.core.errors import ConfigError
 from lbmdem.case.config import whole_spacing
 from lbmdem.configure import configure
 from lbmdem.forecast.derived import derived
-
-SPHERE = """
-simulation = { end_time = 1.0; };
-domain = { size = [0.1, 0.1, 0.16]; spacing = 2.0e-3; };
-fluid = { density = 960.0; viscosity = 6.04e-5; relaxation_time = 0.9; };
-grains = ({ diameter = 0.015; density = 1120.0; position = [0.05, 0.05, 0.12]; });
-gravity = [0.0, 0.0, -9.81];
-"""
 
 
 def told(*sets):
