@@ -19,6 +19,7 @@ import numpy as np
 from hpcpic.core.app.rates import in_turn, last_cache_mb, undisturbed
 from hpcpic.core.case.config import loads
 from hpcpic.core.comm.world import World
+from hpcpic.core.simd.registers import has_masks
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
@@ -66,7 +67,8 @@ def bench(quick: bool) -> Mapping[str, float]:
         if not quick:
             rates |= cached_rates(world, pool, others, rates)
             rates |= bed_rates(world, pool, rates)
-            rates |= sparse_rates(world, pool, others, rates)
+            if has_masks():
+                rates |= sparse_rates(world, pool, others, rates)
             for d in (2, 3):
                 rates |= moving_rates(world, pool, d)
     if cache := last_cache_mb():

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from hpcpic.core.comm.halo import Fill
 from hpcpic.core.comm.tags import Channel
 from hpcpic.core.comm.world import World
+from hpcpic.core.simd.registers import has_masks
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.space.fields import Field
 from hpcpic.core.tasks.arena import Arena
@@ -151,8 +152,9 @@ class Fluid:
         wall_ghosts(self.solid.values, self.faces, self._touches)
         self.nodes.fill()
         if self.stays:
-            wet = int(self.world.sum_int(np.array([np.count_nonzero(self.solid.inner == FLUID)]))[0])
-            if 0 < wet < SPARSE_BELOW * np.prod(self.domain.points):
+            here = np.array([np.count_nonzero(self.solid.inner == FLUID), not has_masks()])
+            wet, without_masks = self.world.sum_int(here)
+            if not without_masks and 0 < wet < SPARSE_BELOW * np.prod(self.domain.points):
                 self._leave_solids_out()
 
     def _leave_solids_out(self) -> None:

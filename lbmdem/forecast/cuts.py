@@ -17,7 +17,7 @@ from lbmdem.forecast.node_shares import (
     links_follow_grains,
     links_of,
     moving,
-    sparse,
+    porous,
     touched,
     volume,
 )
@@ -94,7 +94,7 @@ def fluid_costs(config: LbmDemConfig, sums: NDArray[np.float64]) -> NDArray[np.f
     rates, d, nodes = DEFAULT, config.dimensions, math.prod(config.points[:-1])
     one, bare, more, beside = node_ns(config, rates)
     solid, touching, skipped = np.minimum(sums[SOLID : COVERED + 1] / nodes, [[0.9], [np.inf], [0.9]])
-    if sparse(config):
+    if porous(config):
         return nodes * bare * (1 - solid) * (rates["sparse"] + more) + sums[LINKS] * rates["link_ns sparse"]
     wait = one - bare if moving(config) else 0.0
     costs = lanes_of_all(config) / config.points[-1] * (bare * (1 + more) + wait) * (1 - skipped)

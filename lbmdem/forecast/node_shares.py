@@ -15,7 +15,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from hpcpic.core.simd.registers import lanes
+from hpcpic.core.simd.registers import has_masks, lanes
 from hpcpic.core.space.declared import Array
 from lbmdem.case.config import Diameters, GrainSet, LbmDemConfig
 from lbmdem.physics.velocity_sets import LATTICES
@@ -109,7 +109,12 @@ def moving(config: LbmDemConfig) -> bool:
 
 
 def sparse(config: LbmDemConfig) -> bool:
-    """True when the fluid nodes alone are held (fluid.sparse)."""
+    """True when this processor holds the fluid nodes alone (fluid.sparse)."""
+    return has_masks() and porous(config)
+
+
+def porous(config: LbmDemConfig) -> bool:
+    """True when a processor with masks holds the fluid nodes alone."""
     stays, rules = not moving(config) or config.coupling.frozen, config.coupling
     general = RULES[rules.bounce_back].reach < 2 and not rules.keeps_mass
     return stays and general and fluid_share(config) < SPARSE_BELOW

@@ -1,5 +1,12 @@
-"""Masks from bits, loads and stores under a mask, beside `simd.vector`."""
+"""Masks from bits, loads and stores under a mask, beside `simd.vector`.
 
+AVX-512 has instructions for all of them. Without it a masked store of 64 bytes is two instructions of 42 micro-operations
+on AMD Zen 3 (6 to 10 ns), and expansion is a branch for each lane: there one loop goes over the lanes of the mask, of
+which most have few.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from llvmlite import ir
@@ -7,7 +14,8 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from hpcpic.core.simd.kinds import I32, KIND, Vec, pointer
+from hpcpic.core.simd.kinds import I1, I32, I64, KIND, Vec, pointer
+from hpcpic.core.simd.registers import has_masks
 
 
 @intrinsic
@@ -32,11 +40,46 @@ def _masked(builder: Any, name: str, vec: Vec, arguments: list) -> Any:
     return builder.call(function, arguments)
 
 
+def _any(builder: Any, mask: Any) -> Any:
+    bits = builder.bitcast(mask, ir.IntType(mask.type.count))
+    return builder.icmp_unsigned("!=", bits, ir.Constant(bits.type, 0))
+
+
+@contextmanager
+def _each_lane(builder: Any, mask: Any) -> Iterator[Any]:
+    """A loop over the numbers of the true lanes of a mask that has some."""
+    bits = builder.zext(builder.bitcast(mask, ir.IntType(mask.type.count)), I64)
+    before, body = builder.block, builder.append_basic_block()
+    builder.branch(body)
+    builder.position_at_end(body)
+    left = builder.phi(I64)
+    left.add_incoming(bits, before)
+    yield builder.cttz(left, ir.Constant(I1, 1))
+    rest = builder.and_(left, builder.sub(left, ir.Constant(I64, 1)))
+    left.add_incoming(rest, builder.block)
+    after = builder.append_basic_block()
+    builder.cbranch(builder.icmp_unsigned("!=", rest, ir.Constant(I64, 0)), body, after)
+    builder.position_at_end(after)
+
+
+def _store_lanes(builder: Any, address: Any, vector: Any, mask: Any) -> None:
+    """Store one lane after the other."""
+    copy, kind = cgutils.alloca_once(builder, vector.type), vector.type.element
+    with builder.if_then(_any(builder, mask)):
+        builder.store(vector, copy)
+        source, target = builder.bitcast(copy, kind.as_pointer()), pointer(builder, address, kind)
+        with _each_lane(builder, mask) as lane:
+            builder.store(builder.load(builder.gep(source, [lane])), builder.gep(target, [lane]))
+
+
 @intrinsic(prefer_literal=True)
 def store_where(typing_context, address, a, mask, align):
     """Write the lanes where the mask is true; other elements are not touched. Alignment in bytes, a literal."""
 
     def codegen(context, builder, sig, args):
+        if not has_masks():
+            _store_lanes(builder, args[0], args[1], args[2])
+            return context.get_dummy_value()
         place = pointer(builder, args[0], args[1].type)
         _masked(builder, "store", a, [args[1], place, ir.Constant(I32, align.literal_value), args[2]])
         return context.get_dummy_value()
@@ -61,7 +104,15 @@ def expand_at(typing_context, address, mask, other):
     """Successive elements from an address on, in the lanes where the mask is true; the lanes of `other` elsewhere."""
 
     def codegen(context, builder, sig, args):
-        place = pointer(builder, args[0], ir.IntType(8))
-        return _masked(builder, "expandload", other, [place, args[1], args[2]])
+        arguments = [pointer(builder, args[0], ir.IntType(8)), args[1], args[2]]
+        if has_masks():
+            return _masked(builder, "expandload", other, arguments)
+        before = builder.block
+        with builder.if_then(_any(builder, args[1])):
+            expanded, some = _masked(builder, "expandload", other, arguments), builder.block
+        result = builder.phi(args[2].type)
+        result.add_incoming(args[2], before)
+        result.add_incoming(expanded, some)
+        return result
 
     return other(types.int64, mask, other), codegen

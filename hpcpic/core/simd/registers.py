@@ -4,6 +4,8 @@ Vectors have 64 bytes, a register of AVX-512; for narrower registers the compile
 This file loads no compiler: `check` and `estimate` ask it too.
 """
 
+import functools
+import os
 from typing import Any
 
 import numpy as np
@@ -14,3 +16,17 @@ VECTOR_BYTES = 64
 def lanes(dtype: Any) -> int:
     """Numbers of this type in a vector."""
     return VECTOR_BYTES // np.dtype(dtype).itemsize
+
+
+@functools.cache
+def has_masks() -> bool:
+    """Whether kernels are compiled for a processor whose instructions take masks: AVX-512. Layouts may differ by it,
+    results may not."""
+    features = os.environ.get("NUMBA_CPU_FEATURES")
+    if features is None and os.environ.get("NUMBA_CPU_NAME", "").lower() == "generic":
+        features = ""
+    if features is None:
+        from llvmlite import binding  # without the rest of the compiler
+
+        features = binding.get_host_cpu_features().flatten()
+    return "+avx512f" in features.split(",")

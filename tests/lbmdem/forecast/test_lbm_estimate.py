@@ -94,7 +94,8 @@ def test_a_node_waits_for_memory_the_more_the_larger_its_box(cache):
     assert boxes[-1].one == pytest.approx(1e3 / DEFAULT["mlups D3Q19 double"])
 
 
-def test_a_small_box_has_the_rate_of_one_and_solids_cost_there_what_they_cost():
+def test_a_small_box_has_the_rate_of_one_and_solids_cost_there_what_they_cost(monkeypatch):
+    monkeypatch.setattr("lbmdem.forecast.node_shares.has_masks", lambda: True)  # a processor with them
     small, large = config(n=32), config(n=48)
     assert cached(small) and not cached(large)
     (one, quicker), (same, unmoved) = (
