@@ -29,7 +29,7 @@ from hpcpic.core.simd.vector import (
     store,
     to_fixed,
 )
-from lbmdem.kernels.gather_scatter import first_bits, side_by_side
+from lbmdem.kernels.gather_scatter import first_bits, store_side_by_side
 from lbmdem.kernels.layout import place
 from lbmdem.kernels.link_arrays import FLUID
 
@@ -166,11 +166,11 @@ def list_links(work, table, listed, planes, width, ex, to, upwards, lists):
         found = bitmask(linked)
         if found:
             behind = (load(I, work, fluids + at) << right) >> left
-            store(work, end, side_by_side(links, linked))
-            store(work, end + BEHIND * listed, side_by_side(behind, linked))
-            store(work, end + OUTS * listed, side_by_side(load(I, work, out + at) + shift_out, linked))
-            store(work, end + NEARS * listed, side_by_side(load(I, work, near + at) + shift_near, linked))
-            store(work, end + WHICH * listed, side_by_side(load(I, work, CODES * table + at), linked))
+            store_side_by_side(work, end, links, linked)
+            store_side_by_side(work, end + BEHIND * listed, behind, linked)
+            store_side_by_side(work, end + OUTS * listed, load(I, work, out + at) + shift_out, linked)
+            store_side_by_side(work, end + NEARS * listed, load(I, work, near + at) + shift_near, linked)
+            store_side_by_side(work, end + WHICH * listed, load(I, work, CODES * table + at), linked)
             end += count_bits(found)
     return empty_queue(work, begin, end, listed, lists)
 
@@ -200,11 +200,11 @@ def empty_queue(work, k, end, listed, lists):
         more = rest != np.int32(0)
         again = count_bits(bitmask(more))
         if again:
-            store(work, end, side_by_side(rest, more))
-            store(work, end + BEHIND * listed, side_by_side(behind, more))
-            store(work, end + OUTS * listed, side_by_side(out, more))
-            store(work, end + NEARS * listed, side_by_side(near, more))
-            store(work, end + WHICH * listed, side_by_side(code, more))
+            store_side_by_side(work, end, rest, more)
+            store_side_by_side(work, end + BEHIND * listed, behind, more)
+            store_side_by_side(work, end + OUTS * listed, out, more)
+            store_side_by_side(work, end + NEARS * listed, near, more)
+            store_side_by_side(work, end + WHICH * listed, code, more)
             end += again
     return n - lists, n_free
 

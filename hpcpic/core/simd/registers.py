@@ -19,9 +19,8 @@ def lanes(dtype: Any) -> int:
 
 
 @functools.cache
-def has_masks() -> bool:
-    """Whether kernels are compiled for a processor whose instructions take masks: AVX-512. Layouts may differ by it,
-    results may not."""
+def compiled_for(feature: str) -> bool:
+    """Whether kernels are compiled for a processor with this feature, by LLVM's name."""
     features = os.environ.get("NUMBA_CPU_FEATURES")
     if features is None and os.environ.get("NUMBA_CPU_NAME", "").lower() == "generic":
         features = ""
@@ -29,4 +28,9 @@ def has_masks() -> bool:
         from llvmlite import binding  # without the rest of the compiler
 
         features = binding.get_host_cpu_features().flatten()
-    return "+avx512f" in features.split(",")
+    return f"+{feature}" in features.split(",")
+
+
+def has_masks() -> bool:
+    """Whether instructions take masks: AVX-512. Layouts may differ by it, results may not."""
+    return compiled_for("avx512f")
