@@ -48,8 +48,7 @@ BOOK = "Birdsall & Langdon"
 
 def derived(config: PlasmaConfig, ranks: int = 1) -> list[Derived]:
     """Every derived number of a completed case that runs on so many ranks."""
-    beyond = list(overflows(config))
-    if beyond:
+    if beyond := list(overflows(config)):
         return beyond
     return [
         *mistaken_units(config),
@@ -93,8 +92,9 @@ def overflows(config: PlasmaConfig) -> Iterator[Derived]:
             checked += [(("species", i, name), component) for component in getattr(species, name)]
         if wave := species.perturbation:
             checked.append((("species", i, "perturbation", "velocity_amplitude"), wave.velocity_amplitude))
-    wrong = [(key, value) for key, value in checked if value and not 1 / LARGEST < abs(value) < LARGEST]
-    if not wrong:
+        if species.start is not None:
+            checked += [(("species", i, "start"), v) for v in loader_of(species).fastest(species).components]
+    if not (wrong := [(key, value) for key, value in checked if value and not 1 / LARGEST < abs(value) < LARGEST]):
         wp = total_plasma_frequency(config)
         wrong = [(("species",), wp)] if wp and not 1 / LARGEST < wp < LARGEST else []
     for key, value in wrong:
@@ -128,8 +128,8 @@ def stability(config: PlasmaConfig) -> Iterator[Derived]:
         forceable=step < 2, stable_below=2.0,
     )  # fmt: skip
     turn = fastest_turn(config) * abs(dt)
-    if 0 < max(step, turn, crossing(config)) < LEAST_CHANGE:
-        yield idle_steps(max(step, turn, crossing(config)))
+    if 0 < (change := max(step, turn, crossing(config))) < LEAST_CHANGE:
+        yield idle_steps(change)
     if (period := config.periods["series"]) > 1 and step:
         yield sampling(math.pi / (step * period), period)
     if any(config.field.magnetic):
@@ -272,9 +272,9 @@ def crossing(config: PlasmaConfig) -> float:
             continue
         tail = math.sqrt(2 * math.log(max(species.particles, 2)))
         wave = abs(species.perturbation.velocity_amplitude) if species.perturbation else 0.0
-        for axis, dx in enumerate(spacing(config)):
+        for axis, (dx, loaded) in enumerate(zip(spacing(config), loader_of(species).fastest(species).components)):
             gained = abs(species.charge / species.mass * electric[axis]) * time
-            speed = abs(species.drift_velocity[axis]) + tail * species.thermal_velocity + wave + gained
+            speed = loaded + tail * species.thermal_velocity + wave + gained
             fastest = max(fastest, speed * dt / dx)
     return fastest
 
@@ -297,8 +297,8 @@ def motion(config: PlasmaConfig) -> Iterator[Derived]:
     yield judged("fastest particle", "v dt/dx", fastest, limit, verdict, source, cure, TIME_STEP, "cells")
     light = SYSTEMS[config.units].light
     if math.isfinite(light):
-        speeds = (math.hypot(*s.drift_velocity) + 3 * s.thermal_velocity for s in config.species if s.particles)
-        beta = max(speeds, default=0.0) / light
+        moving = (s for s in config.species if s.particles)
+        beta = max((loader_of(s).fastest(s).speed + 3 * s.thermal_velocity for s in moving), default=0.0) / light
         cure, verdict, source = "the equations of motion know no relativity", verdict_of(beta < 0.1), "gamma = 1.005"
         yield judged("speed against light", "v/c", beta, "< 0.1", verdict, source, cure, ("species",))
     yield Derived("velocity components", "", components)

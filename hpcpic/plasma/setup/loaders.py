@@ -66,6 +66,13 @@ class Population(NamedTuple):
     spread: float
 
 
+class Fastest(NamedTuple):
+    """The largest moduli of the components of velocities, and of velocities, m/s."""
+
+    components: tuple[float, float, float]
+    speed: float
+
+
 class Loader:
     """Random positions, and normal deviates of the thermal velocity about the drift.
 
@@ -102,6 +109,11 @@ class Loader:
     def populations(self, section: Species, axis: int) -> tuple[Population, ...]:
         """Distribution of a velocity component as loaded, without the perturbation: what forecasts and theory read."""
         return (Population(1.0, section.drift_velocity[axis], section.thermal_velocity),)
+
+    def fastest(self, section: Species) -> Fastest:
+        """What no particle exceeds as loaded, but for the thermal deviate and the perturbation: what `check` judges."""
+        x, y, z = map(abs, section.drift_velocity)
+        return Fastest((x, y, z), math.hypot(x, y, z))
 
     def draws_random(self, section: Species) -> bool:
         """Whether the initial state changes with the seed."""
@@ -267,6 +279,13 @@ class Arrays(Loader):
         own = given[:, axis] if axis < given.shape[1] and len(given) else np.zeros(1)
         return (Population(1.0, float(own.mean()), math.hypot(float(own.std()), section.thermal_velocity)),)
 
+    def fastest(self, section: Species) -> Fastest:
+        given = arrays(section.start).get("velocity")
+        if given is None or not len(given):
+            return super().fastest(section)
+        x, y, z = [*map(float, np.abs(given).max(axis=0)), 0.0, 0.0][:3]
+        return Fastest((x, y, z), float(np.linalg.norm(given, axis=1).max()))
+
 
 def beams(n: int, drift: float, spread: float) -> tuple[Population, ...]:
     """n particles, of which the first, third, ... have the drift and the others its opposite."""
@@ -326,6 +345,8 @@ def loader_faults(section: Species, dimensions: int) -> Iterator[Fault]:
     word = section.init_method
     if word in LOADERS:
         yield from LOADERS[word].faults(section, dimensions)
+        if section.start is not None and not isinstance(LOADERS[word], Arrays):
+            yield ("start",), f'arrays are read with init_method "arrays" only (got {word!r})'
         if section.particles_per_cell and LOADERS[word].placed:
             yield ("particles_per_cell",), f"give particles where init_method is {word!r}"
     elif word not in OLDER:

@@ -40,6 +40,29 @@ def test_a_run_that_starts_from_arrays_keeps_them(tmp_path):
     assert hpcpic.open_run(tmp_path / "run").digest == digest
 
 
+@pytest.mark.parametrize("speed", [3.0, 10.0, 1e10])
+def test_velocities_of_arrays_are_judged_like_a_drift(speed):
+    x, _ = arrays_of(64)
+    given = started(position=x, velocity=np.full((64, 1), speed)).changed({"species[0].drift_velocity": [70.0]})
+    drift = started(position=x).changed({"species[0].drift_velocity": [speed]})
+    one, other = (next(r for r in c.check().rows if r.name == "fastest particle") for c in (given, drift))
+    assert one == other and one.verdict == ("ok" if speed < 10 else "warn" if speed < 1e10 else "fail")
+
+
+def test_light_judges_velocities_of_arrays():
+    case = hpcpic.Case(
+        units="SI", simulation={"cycles": 4, "time_step": 1e-11, "space_length": [8.0]}, grid={"points": [8]},
+        species=[{"name": "e", "particle": "electron", "density": 1e6, "start": {"velocity": np.full((64, 1), 6e8)}}],
+    )  # fmt: skip
+    (row,) = [row for row in case.check().rows if row.name == "speed against light"]
+    assert row.verdict == "warn" and row.value == pytest.approx(2.0, rel=0.01)
+
+
+def test_arrays_that_the_case_would_not_read_are_refused():
+    with pytest.raises(hpcpic.ConfigError, match="got 'quiet'"):
+        hpcpic.Case("bump-on-tail").changed({"species[1].start": {"position": arrays_of(9)[0]}})
+
+
 def test_a_case_survives_pickling_with_its_changes_and_its_arrays():
     """Also when the case that was pickled, whose files its arrays were in, is gone."""
     x, v = arrays_of(64)
