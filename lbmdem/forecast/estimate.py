@@ -10,6 +10,7 @@ from collections.abc import Mapping
 
 from hpcpic.core.app.forecast import Estimate, gain, writing_seconds
 from hpcpic.core.case.words import in_steps
+from hpcpic.core.simd.registers import has_masks
 from lbmdem.case.config import LbmDemConfig
 from lbmdem.forecast.films import expected_substeps
 from lbmdem.forecast.node_shares import (
@@ -20,10 +21,9 @@ from lbmdem.forecast.node_shares import (
     node_bytes,
     population_bytes,
     shares,
-    sparse,
 )
 from lbmdem.forecast.plan import arrays, face_bytes, grain_count, link_count
-from lbmdem.forecast.rates import DEFAULT, node_ns
+from lbmdem.forecast.rates import DEFAULT, held_alone, node_ns
 from lbmdem.physics.velocity_sets import LATTICES
 from lbmdem.sizes import (
     CACHE_OF_WHOLE_PLANES,
@@ -43,7 +43,7 @@ BLOCK = 16 * MIB  # of all ranks' state, which the first one reads for the diges
 
 def estimate(config: LbmDemConfig, ranks: int, threads: int, measured: Mapping[str, float]) -> Estimate:
     """What a completed case needs on ranks x threads; `measured` rates of this machine take the place of DEFAULT."""
-    rates = DEFAULT | dict(measured)
+    rates = DEFAULT | {"masks": float(has_masks())} | dict(measured)
     every = output_periods(config)
     depth, period = steps_per_pass(config, ranks, threads), every["series"]
     single = phases(config, ranks, threads, rates, 1)
@@ -107,14 +107,18 @@ def link_seconds(config: LbmDemConfig, ranks: int, threads: int, rates: Mapping[
     if moving(config) and not config.coupling.frozen:
         work = links * rates[f"link_ns moving {d}D"] + 1e3 * grain_count(config) * rates[f"moving_link_us {d}D"]
         return 1e-9 * work / gain(ranks, threads, rates, rates["wave_core_gain"])
-    near, far = ("sparse", "fixed") if sparse(config) else ("cached" if cached(config) else "fixed", "fixed single")
+    near, far = "cached" if cached(config) else "fixed", "fixed single"
+    if held_alone(config, rates):
+        near, far = "sparse", "fixed"
     kind = near if together > 1 or cached(config) else far
-    return 1e-9 * links * rates[f"link_ns {kind}"] / gain(ranks, threads, rates, rates[core_gain(config)])
+    return 1e-9 * links * rates[f"link_ns {kind}"] / gain(ranks, threads, rates, rates[core_gain(config, rates)])
 
 
-def core_gain(config: LbmDemConfig) -> str:
+def core_gain(config: LbmDemConfig, rates: Mapping[str, float]) -> str:
     """The rate of what all cores gain on sweeps and links that do not wait for memory."""
-    return "sparse_core_gain" if sparse(config) else "cached_core_gain" if cached(config) else "wave_core_gain"
+    if held_alone(config, rates):
+        return "sparse_core_gain"
+    return "cached_core_gain" if cached(config) else "wave_core_gain"
 
 
 def steps_per_pass(config: LbmDemConfig, ranks: int, threads: int) -> int:
@@ -141,17 +145,17 @@ def sweep_seconds(
 ) -> dict[str, float]:
     """Arithmetic of all nodes with fluid, and the wait for memory where one step is done per pass."""
     found, (one, bare, more, beside) = shares(config), node_ns(config, rates)
-    places = 1e-9 * (math.prod(config.points) if sparse(config) else lanes_of_all(config))
+    places = 1e-9 * (math.prod(config.points) if held_alone(config, rates) else lanes_of_all(config))
     wet = 1 - found.skipped
-    if sparse(config):
+    if held_alone(config, rates):
         wet = fluid_share(config)
         work = places * bare * wet * (rates["sparse"] + more)
     else:
         work = places * (bare * wet * (1 + more) + beside * found.mixed)
-    seconds = {"nodes": work / gain(ranks, threads, rates, rates[core_gain(config)])}
+    seconds = {"nodes": work / gain(ranks, threads, rates, rates[core_gain(config, rates)])}
     if together == 1:
         both = (one / gain(ranks, threads, rates, rates["sweep_core_gain"])
-                - bare / gain(ranks, threads, rates, rates[core_gain(config)]))  # fmt: skip
+                - bare / gain(ranks, threads, rates, rates[core_gain(config, rates)]))  # fmt: skip
         seconds["memory"] = places * wet * max(0.0, both)
     return seconds
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from hpcpic.core.app.forecast import FILES
 from lbmdem.case.config import LbmDemConfig
-from lbmdem.forecast.node_shares import cached, node_bytes, population_bytes, sparse
+from lbmdem.forecast.node_shares import cached, node_bytes, population_bytes, porous
 from lbmdem.physics.collision import COLLISIONS
 
 # Measured on the authors' machine, one core of a 2-core AMD Zen 5 at 4.1 GHz.
@@ -22,6 +22,7 @@ DEFAULT = FILES | {
     "forced": 0.4,  # more, in caches, for a sweep with a body force
     "central": 0.36,  # and for central moments
     "mixed": 0.83,  # and for nodes beside solids
+    "masks": 1.0,  # 1 where porous media are held without their solid nodes (node_shares.sparse), else 0
     "sparse": 1.6,  # a fluid node held without the solid ones, over one of a fluid alone
     "link_ns fixed": 5.7,  # several steps per pass
     "link_ns cached": 5.7,  # the same in a box of some MB
@@ -72,12 +73,17 @@ class NodeTimes(NamedTuple):
     beside: float
 
 
+def held_alone(config: LbmDemConfig, rates: Mapping[str, float]) -> bool:
+    """Whether a machine with these rates holds the fluid nodes alone."""
+    return bool(rates["masks"]) and porous(config)
+
+
 def node_ns(config: LbmDemConfig, rates: Mapping[str, float]) -> NodeTimes:
     lattice, fluid = config.lattice, config.liquid
     timed = 1e3 / rates[f"mlups {lattice} {fluid.storage}"]
     bare = timed / rates[f"wave_gain {lattice}"]
     one, beside = bare + (timed - bare) * share_beyond(config, rates), rates["mixed"] * bare
-    if cached(config) and not sparse(config):  # fluid nodes held alone take as long in a small box as in a large one
+    if cached(config) and not held_alone(config, rates):  # who take as long in a small box as in a large one
         one = bare = bare / rates.get(f"cached_gain {lattice}", 1.0)
     more = rates["forced"] if any(fluid.body_force) or config.shaking else 0.0
     more += rates["central"] if COLLISIONS[fluid.collision].dearer else 0.0

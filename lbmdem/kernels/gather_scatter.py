@@ -115,8 +115,8 @@ def store_side_by_side(typing_context, array, index, a, mask):
     """
 
     def codegen(context, builder, sig, args):
-        place, _, vector, found = context.make_array(array)(context, builder, args[0]).data, *args[1:]
-        place = builder.gep(place, [args[1]])
+        line, at, vector, found = args
+        place = builder.gep(context.make_array(array)(context, builder, line).data, [at])
         if has_masks() or not compiled_for("avx2"):
             store_to(builder, builder.ptrtoint(place, I64), _compressed(builder, vector, found), 4)
             return context.get_dummy_value()

@@ -7,6 +7,7 @@ from hpcpic.core.case.config import load, loads
 from lbmdem.app import shipped_cases
 from lbmdem.case.config import LbmDemConfig
 from lbmdem.configure import configure
+from lbmdem.forecast.cuts import first_cuts
 from lbmdem.forecast.estimate import (
     SAMPLES,
     SERIES_SHARE,
@@ -17,7 +18,7 @@ from lbmdem.forecast.estimate import (
     sample_seconds,
 )
 from lbmdem.forecast.films import expected_substeps
-from lbmdem.forecast.node_shares import cached, sparse
+from lbmdem.forecast.node_shares import cached, porous
 from lbmdem.forecast.rates import DEFAULT, SHAPES, node_ns
 from lbmdem.physics.lubrication import MOST_SUBSTEPS
 
@@ -94,8 +95,7 @@ def test_a_node_waits_for_memory_the_more_the_larger_its_box(cache):
     assert boxes[-1].one == pytest.approx(1e3 / DEFAULT["mlups D3Q19 double"])
 
 
-def test_a_small_box_has_the_rate_of_one_and_solids_cost_there_what_they_cost(monkeypatch):
-    monkeypatch.setattr("lbmdem.forecast.node_shares.has_masks", lambda: True)  # a processor with them
+def test_a_small_box_has_the_rate_of_one_and_solids_cost_there_what_they_cost():
     small, large = config(n=32), config(n=48)
     assert cached(small) and not cached(large)
     (one, quicker), (same, unmoved) = (
@@ -103,9 +103,21 @@ def test_a_small_box_has_the_rate_of_one_and_solids_cost_there_what_they_cost(mo
     )
     assert quicker.bare == pytest.approx(0.5 * one.bare) and quicker.one == quicker.bare
     assert quicker.beside == one.beside and same == unmoved
-    porous = config(n=16, more=GRAIN.format(moving="false").replace("8.0; d", "14.0; d"))
-    assert sparse(porous) and cached(porous)  # measured: 12.3 ns a fluid node in 36^3, 12.7 in 96^3
-    assert node_ns(porous, DEFAULT | {"cached_gain D3Q19": 2.0}) == node_ns(porous, DEFAULT)
+    bed = config(n=16, more=GRAIN.format(moving="false").replace("8.0; d", "14.0; d"))
+    assert porous(bed) and cached(bed)  # measured: 12.3 ns a fluid node in 36^3, 12.7 in 96^3
+    assert node_ns(bed, DEFAULT | {"cached_gain D3Q19": 2.0}) == node_ns(bed, DEFAULT)
+
+
+def test_what_a_processor_holds_changes_what_is_told_and_nothing_that_is_done(monkeypatch):
+    """Masks decide time and memory, and neither the samples of a series nor the rows of ranks."""
+    bed, told, done = config(n=64, more=GRAIN.format(moving="false").replace("8.0; d", "56.0; d")), [], []
+    for masks in (True, False):
+        for module in ("node_shares", "estimate"):
+            monkeypatch.setattr(f"lbmdem.forecast.{module}.has_masks", lambda masks=masks: masks)
+        needs = estimate(bed, 1, 1, {})
+        told.append((needs.step_seconds, sum(needs.memory.values())))
+        done.append((output_periods(bed), first_cuts(bed, 3)))
+    assert told[0][0] != told[1][0] and told[0][1] < told[1][1] and done[0] == done[1]
 
 
 def shipped(name: str, *sets: str) -> LbmDemConfig:
