@@ -225,8 +225,11 @@ def prefetch_links(f, ahead, k, after, work, listed):
 @njit
 def count_lost(work, table, planes, width, ex, to):
     """Number of links along e that end at nodes within the grain that other grains have."""
-    count = 0
-    for at in range(PAD + width, PAD + (planes + 1) * width):
-        met = (np.int64(work[LOSTS * table + at + to]) << (ex < 0)) >> (ex > 0)
-        count += count_bits(np.int64(work[STARTS * table + at]) & met)
+    left, right, count = np.int32(ex < 0), np.int32(ex > 0), 0
+    for at in range(PAD + width, PAD + (planes + 1) * width, M):
+        met = (load(I, work, LOSTS * table + at + to) << left) >> right
+        if bitmask((load(I, work, STARTS * table + at) & met) != np.int32(0)):  # most often there are none
+            for k in range(at, at + M):
+                lost = (np.int64(work[LOSTS * table + k + to]) << (ex < 0)) >> (ex > 0)
+                count += count_bits(np.int64(work[STARTS * table + k]) & lost)
     return count

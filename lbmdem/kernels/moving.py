@@ -116,7 +116,7 @@ def moving_links(
                 parts.gains[k, a] += scratch.sums[lane]
 
 
-@njit
+@njit(_nrt=False)
 def links_of(populations, parity, nodes, directions, bounce_back, view, grain, scratch, scale, counters):
     """The links that start at the nodes of a view.
 
@@ -171,7 +171,7 @@ def look_further(populations, parity, nodes, e, i, j, corner, scratch, codes, n)
     return short
 
 
-@njit
+@njit(_nrt=False)  # nothing is allocated, so no references are counted: a tenth of the time of small grains
 def bounce(f, now, ahead, e, weight, bounce_back, corner, grain, scratch, scale):
     """The links of the list `now` along e: the wall rule, and 7 sums of N lanes each.
 
