@@ -137,6 +137,11 @@ class GrainSet(Section):
             return np.full(max(len(self.centres), 1), self.diameter)
         return self.given("diameter")
 
+    def at_start(self, name: Literal["velocity", "angular_velocity"]) -> np.ndarray:
+        """Velocities [n, k] at the start, m/s or rad/s; one row where all grains have the same."""
+        given = self.given(name)
+        return np.array([getattr(self, name)] if given is None else given, np.float64)
+
     @property
     def smallest_diameter(self) -> float:
         """Diameter of the smallest grain, m."""

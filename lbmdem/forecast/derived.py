@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from typing import Literal
 
 import numpy as np
 
@@ -62,17 +63,22 @@ def known_speed(config: LbmDemConfig) -> float:
     parabolas = (face for face in config.boundary if face.profile == "parabolic")
     peaks = ((1.5 ** len(config.walled(AXES.index(face.face[0]))), face) for face in parabolas)
     vectors += [tuple(peak * u for u in face.velocity) for peak, face in peaks]
-    others = [math.hypot(*group.velocity) + turning_speed(group) for group in config.grains]
+    others = [largest(group, "velocity") + turning_speed(group) for group in config.grains]
     others += [config.liquid.initial.speed] if config.liquid.initial else []
-    starts = (config.fluid.start if config.fluid else None, *(group.start for group in config.grains))
-    given = (arrays(start).get("velocity", np.zeros(1)) for start in starts if start)
-    others += [math.sqrt(float((velocity**2).sum(axis=-1).max(initial=0.0))) for velocity in given]
+    if config.fluid and config.fluid.start:
+        velocity = arrays(config.fluid.start).get("velocity", np.zeros(1))
+        others.append(math.sqrt(float((velocity**2).sum(axis=-1).max(initial=0.0))))
     return max([*(math.hypot(*vector) for vector in vectors), *others], default=0.0)
 
 
 def turning_speed(grains: GrainSet) -> float:
     """Speed of the surface of the largest grain of a set about its centre, m/s."""
-    return 0.5 * grains.largest_diameter * math.hypot(*grains.angular_velocity)
+    return 0.5 * grains.largest_diameter * largest(grains, "angular_velocity")
+
+
+def largest(grains: GrainSet, name: Literal["velocity", "angular_velocity"]) -> float:
+    """The largest length of a velocity of a set at the start, m/s or rad/s."""
+    return float(np.linalg.norm(grains.at_start(name), axis=1).max(initial=0.0))
 
 
 def speeds(config: LbmDemConfig) -> Iterator[Derived]:

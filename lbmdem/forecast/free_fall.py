@@ -80,9 +80,9 @@ def impact_speed(config: LbmDemConfig, i: int) -> float:
     """
     group, pull = config.grains[i], math.hypot(*config.gravity)
     below = [k for k, g in enumerate(config.gravity) if abs(g) > 0.5 * pull and AXES[k] not in config.domain.periodic]
-    start = math.hypot(*(group.velocity or (0.0,)))
+    speeds = np.linalg.norm(group.at_start("velocity"), axis=1)
     if not below:
-        return start
+        return float(speeds.max(initial=0.0))
     axis, last = below[0], config.dimensions - 1
     down = config.gravity[axis] < 0.0
     if group.packing is not None:
@@ -92,9 +92,11 @@ def impact_speed(config: LbmDemConfig, i: int) -> float:
         heights = (x[:, axis] if down else config.domain.size[axis] - x[:, axis]) - radius
         heights = np.minimum(heights, above_planes(config, x, radius))
     end = config.simulation.end_time
-    height = float(heights.max(initial=0.0, where=heights <= start * end + 0.5 * pull * end**2))
-    fall = math.sqrt(2.0 * pull * height)
-    return math.hypot(start, min(fall, terminal_speed(config, i)) if config.fluid else fall)
+    met = (heights > 0.0) & (heights <= speeds * end + 0.5 * pull * end**2)
+    falls = np.sqrt(2.0 * pull * np.where(met, heights, 0.0))
+    if config.fluid:
+        falls = np.minimum(falls, terminal_speed(config, i))
+    return float(np.hypot(speeds, falls).max(initial=0.0))
 
 
 def above_planes(config: LbmDemConfig, x: NDArray, radius: float) -> NDArray[np.float64]:

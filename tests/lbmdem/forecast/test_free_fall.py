@@ -179,6 +179,40 @@ def test_a_grain_falls_to_the_plane_below_it_and_not_beyond_the_end():
     assert number(text, name, soft, f"simulation.end_time={1.01 * arrives}").verdict == "fail"
 
 
+def given(folder, velocities, more=""):
+    """Grains side by side in a box without gravity or walls along x, with these velocities from a file of arrays."""
+    n = len(velocities)
+    places = [[0.004 + 0.008 * i / n, 0.008] for i in range(n)]
+    np.savez(folder / "grains.npz", position=places, diameter=np.full(n, 5e-4), velocity=velocities)
+    start = f'start = {{ file = "{folder / "grains.npz"}"; }};'
+    text = DRY.replace("[0.0, -1.0]", "[0.0, 0.0]").replace('["y"]', '["x"]')
+    return re.sub(r"diameter.*position = [^;]*;", f"density = 1200.0; {start} {more}", text)
+
+
+def test_a_grain_whose_velocity_an_array_gives_meets_the_floor_with_it(tmp_path):
+    """Each with its own: the fast one below, the slow one above."""
+    soft, name = "contact.normal_stiffness=0.5", "overlap at impact"
+    text = given(tmp_path, [[0.0, -0.1]], "velocity = [0.0, 5.0];")  # which the array overrides
+    law, mass = contact_law(config_of(text, soft)), 1200.0 * math.pi / 4.0 * 5.0e-4**2
+    told = number(text, name, soft)
+    assert told and told.value == pytest.approx(deepest_overlap(0.1, mass, law) / 5.0e-4, rel=1e-12)
+    np.savez(tmp_path / "grains.npz", position=[[0.004, 0.001], [0.008, 0.004]], diameter=[5e-4] * 2,
+             velocity=[[0.0, -0.1], [0.0, -0.05]])  # fmt: skip
+    speed = math.hypot(0.1, math.sqrt(2.0 * (0.001 - 2.5e-4)))
+    fall = number(text, name, soft, "gravity=[0.0, -1.0]")
+    assert fall.value == pytest.approx(deepest_overlap(speed, mass, law) / 5.0e-4, rel=1e-12)
+
+
+def test_velocities_that_arrays_give_are_the_largest_of_a_scene(tmp_path):
+    """Of the centres, and of a surface that turns."""
+    start = f'start = {{ file = "{tmp_path / "grains.npz"}"; }};'
+    text, name = DROP.replace("diameter = 5.0e-3;", f"diameter = 5.0e-3; {start}"), "Mach number"
+    mach = number(text.replace(start, "velocity = [0.0, 0.003];"), name).value
+    for key, values in (("velocity", [[0.0, 0.003]]), ("angular_velocity", [[0.003 / 2.5e-3]])):
+        np.savez(tmp_path / "grains.npz", **{key: values})
+        assert number(text, name).value == pytest.approx(mach, rel=1e-12)
+
+
 ROW = """
 simulation = { end_time = 0.3; };
 domain = { size = [0.03, 0.06]; };
