@@ -4,10 +4,12 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hpcpic.core.case.config import Path, dotted
 from hpcpic.core.case.derived import Derived, Verdict, judged, rounded_up
 from hpcpic.core.physics.contact_law import deepest_overlap
+from hpcpic.core.space.products import product
 from lbmdem.case.config import ACCURATE, GrainSet, LbmDemConfig, contact_law, contact_step, grain_mass
 from lbmdem.forecast.estimate import phases
 from lbmdem.forecast.films import films
@@ -20,6 +22,7 @@ DEAR_SUBSTEPS = 1000  # of the contacts in a step of the fluid, which take longe
 MAX_SUBSTEPS = 100_000
 PILE = 2.0  # layers of grains, from which on they lie on each other
 REPOSE = 0.4  # slope of a heap
+WAYS = 5  # along each axis, of a lattice of directions
 
 
 def contacts(config: LbmDemConfig) -> Iterator[Derived]:
@@ -56,11 +59,11 @@ def substeps(config: LbmDemConfig) -> Derived:
 
 
 def overlaps(config: LbmDemConfig) -> Iterator[Derived]:
-    """The overlap at rest below all layers of grains, and that of the fall onto the wall below from positions that the
-    case gives."""
+    """The overlap at rest below all layers of grains, and the deeper one of a fall onto the wall below from positions
+    that the case gives and of two grains that start towards each other."""
     gravity, d = math.hypot(*config.gravity), config.dimensions
     density, law = config.liquid.density if config.fluid else 0.0, contact_law(config)
-    key = ("contact", "normal_stiffness")
+    key, pairs = ("contact", "normal_stiffness"), overlaps_of_pairs(config)
     for i, group in enumerate(config.grains):
         if not group.moving:
             continue
@@ -76,10 +79,38 @@ def overlaps(config: LbmDemConfig) -> Iterator[Derived]:
             yield overlap("overlap at rest", share, source, cure, key, forceable=share < 1.0)  # else it falls through
             if law.friction and law.viscosity and not law.shear:
                 yield from creep(config, group, max(layers, heap(group.count, d)), weight / size)
-        share = deepest_overlap(impact_speed(config, i), mass, law) / size
+        falls = deepest_overlap(impact_speed(config, i), mass, law) / size, "free fall"
+        share, how = max(falls, (pairs[i], "two grains that meet"))
         if share > 0.01 and not (config.fluid and config.coupling.lubrication):  # films bring it to rest
             cure = f"normal_stiffness = {rounded_up(stiffness * (share / 0.01) ** 2):g} gives 1 % for {group.name}"
-            yield overlap("overlap at impact", share, "linear spring and dashpot, free fall", cure, key)
+            yield overlap("overlap at impact", share, f"linear spring and dashpot, {how}", cure, key)
+
+
+def overlaps_of_pairs(config: LbmDemConfig) -> list[float]:
+    """The deepest overlap of each set, over the smaller diameter, when its largest grain and the largest of any set
+    meet head-on with the largest difference of their velocities at the start; 0 of grains that stay.
+    """
+    d, law, sets = config.dimensions, contact_law(config), config.grains
+    rows = [outermost(group.at_start("velocity")) if group.moving else np.zeros((0, d)) for group in sets]
+    of, v = np.repeat(np.arange(len(sets)), [len(own) for own in rows]), np.concatenate(rows)
+    size = np.array([group.largest_diameter for group in sets])
+    mass = np.array([grain_mass(group, group.largest_diameter, d) for group in sets])
+    unit, shares = deepest_overlap(1.0, 1.0, law), []
+    for k, own in enumerate(rows):
+        speed = np.sqrt(((own[:, None] - v) ** 2).sum(axis=-1))
+        reduced = mass[k] * mass[of] / (mass[k] + mass[of])
+        share = unit * speed * np.sqrt(reduced) / np.minimum(size[k], size[of])
+        shares.append(float(share.max(initial=0.0)))
+    return shares
+
+
+def outermost(v: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The rows of v[n, d] that lie farthest along one of WAYS^d directions: their largest differences are those of all
+    rows to 3 %."""
+    if len(v) < 3:
+        return v
+    ways = np.array(list(np.ndindex((WAYS,) * v.shape[1]))) - WAYS // 2
+    return v[sorted({int(np.argmax(product(v, way))) for way in ways})]
 
 
 def creep(config: LbmDemConfig, group: GrainSet, layers: float, weight: float) -> Iterator[Derived]:

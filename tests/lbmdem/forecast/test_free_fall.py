@@ -203,6 +203,42 @@ def test_a_grain_whose_velocity_an_array_gives_meets_the_floor_with_it(tmp_path)
     assert fall.value == pytest.approx(deepest_overlap(speed, mass, law) / 5.0e-4, rel=1e-12)
 
 
+PAIR = """
+simulation = { end_time = 0.05; };
+domain = { size = [0.03, 0.01]; periodic = ["x"]; };
+grains = ({ diameter = 2.0e-3; position = [0.01, 0.005]; velocity = [0.2, 0.0]; },
+          { diameter = OTHER; position = [0.013, 0.005]; velocity = [SPEED, 0.0]; });
+contact = { friction = 0.0; damping = 0.1; normal_stiffness = 5.0e4; };
+"""
+
+
+@pytest.mark.parametrize(("other", "speed"), [(2.0e-3, -0.2), (2.0e-3, 0.0), (1.0e-3, -0.6)])
+def test_two_grains_meet_as_deep_as_is_told(world, other, speed):
+    """With the reduced mass and both velocities: equal ones sqrt(2) times as deep as a wall."""
+    text = PAIR.replace("OTHER", str(other)).replace("SPEED", str(speed))
+    stiff, name, deepest = "contact.normal_stiffness=2.0e5", "overlap at impact", 0.0
+    told = [one.value for one in derived(config_of(text, stiff)) if one.name == name][-1]
+    with running(world, "lbmdem", text, (stiff,)) as app:
+        while app.time < 0.03:
+            app.step()
+            deepest = max(deepest, app.scalars()["overlap"])
+    assert told == pytest.approx(deepest, rel=0.01)
+
+
+def test_grains_that_fall_alike_meet_floors_only(tmp_path):
+    """And those of arrays each other, by the largest difference of their velocities."""
+    soft, name, mass = "contact.normal_stiffness=0.5", "overlap at impact", 1200.0 * math.pi / 4.0 * 5.0e-4**2
+    law = contact_law(config_of(given(tmp_path, [[0.0, 0.0]]), soft))
+    angles = np.linspace(0.0, 2.0 * math.pi, 40, endpoint=False)
+    for velocities, speed, reduced in (
+        (np.full((40, 2), 0.1), math.hypot(0.1, 0.1), mass),
+        (0.1 * np.stack([np.cos(angles), np.sin(angles)], axis=1), 0.2, 0.5 * mass),
+        ([[0.1, 0.0], [0.0, 0.0], [0.08, 0.01]], 0.1, mass),
+    ):
+        told = number(given(tmp_path, velocities), name, soft)
+        assert told.value == pytest.approx(deepest_overlap(speed, reduced, law) / 5.0e-4, rel=0.03)
+
+
 def test_velocities_that_arrays_give_are_the_largest_of_a_scene(tmp_path):
     """Of the centres, and of a surface that turns."""
     start = f'start = {{ file = "{tmp_path / "grains.npz"}"; }};'
