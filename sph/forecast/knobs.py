@@ -11,7 +11,7 @@ import numpy as np
 
 from hpcpic.core.app.knobs import Choice, Knob, Knobs, Quantity, Seen
 from hpcpic.core.case.texts import value_text
-from sph.case.config import FRONT, PRESSURE, VELOCITY, SphConfig
+from sph.case.config import FRONT, PRESSURE, WALL_PRESSURE, Gauge, SphConfig
 from sph.forecast.plan import counts
 from sph.physics import stability
 from sph.physics.integrators import INTEGRATORS
@@ -160,27 +160,33 @@ def quantities_of(config: SphConfig, time: float) -> list[Quantity]:
             name = f"impulse_{wall.name}"
             text, why = f"impulse on {wall.name} at the end", f"the case measures the force on {wall.name}"
             found.append(Quantity(name, text, time, partial(at_end, name, time), why=why))
-    for gauge in config.gauge:
-        why = f"the case has the gauge {gauge.name}"
-        if gauge.kind is VELOCITY:
-            axis = "xyz"[int(np.argmax(np.abs(config.body_force)))]
-            text = f"velocity along {axis} at {gauge.name} in the first quarter"
-            found.append(Quantity(gauge.name, text, end, partial(curve, f"{gauge.name}_{axis}", end), why=why))
-        elif gauge.kind is PRESSURE:
-            text = f"mean pressure at {gauge.name} in the second half"
-            found.append(Quantity(gauge.name, text, time, partial(mean, gauge.name, time), why=why))
-        elif gauge.kind is FRONT:
-            text = f"{gauge.name} in the first quarter"
-            found.append(Quantity(gauge.name, text, end, partial(curve, gauge.name, end), why=why))
+    found += [asked_of(gauge, config, time) for gauge in config.gauge]
     text = "kinetic energy in the first quarter, over that at the start if there is any"
     flows = any(fluid.flow for fluid in config.fluid)
-    why = "the fluid starts in a flow" if flows else "the case has no gauge and measures no force"
+    why = "the fluid starts in a flow" if flows else "" if found else "the case has no gauge and measures no force"
     found.insert(0 if flows else len(found), Quantity("energy", text, end, partial(energy_curve, end), why=why))
     if any(flow_of(fluid, Linear) for fluid in config.fluid):  # whose energy hardly changes
         text = "largest x in the first quarter, over that at the start"
         why = "a linear flow stretches the fluid"
         found.insert(0, Quantity("stretch", text, end, partial(stretch, end), why=why))
     return found
+
+
+def asked_of(gauge: Gauge, config: SphConfig, time: float) -> Quantity:
+    """What is asked of a gauge: velocities and fronts while they grow, what else it reads later, pressures in the mean.
+    Levels and flows need time until fluid arrives.
+    """
+    name, why, early = gauge.name, f"the case has the gauge {gauge.name}", time / 4
+    if gauge.kind.vector:
+        axis = "xyz"[int(np.argmax(np.abs(config.body_force)))]
+        text, column = f"{gauge.what} along {axis} at {name} in the first quarter", f"{name}_{axis}"
+        return Quantity(name, text, early, partial(curve, column, early), why=why)
+    if gauge.kind is FRONT:
+        return Quantity(name, f"{name} in the first quarter", early, partial(curve, name, early), why=why)
+    if gauge.kind in (PRESSURE, WALL_PRESSURE):
+        text = f"mean pressure at {name} in the second half"
+        return Quantity(name, text, time, partial(mean, name, time), why=why)
+    return Quantity(name, f"{gauge.what} at {name} in the second half", time, partial(curve, name, time), why=why)
 
 
 def curve(name: str, time: float, series: Series) -> np.ndarray:

@@ -1,9 +1,12 @@
 """Knobs of SPH: settings mean what they say, every case knows what it is about."""
 
+import numpy as np
 import pytest
 from knob_cases import made_again, reader, sizes_of
 
 from sph.app import shipped_cases
+from sph.case.columns import gauge_units
+from sph.case.config import name_of
 from sph.configure import configure
 from sph.forecast.knobs import knobs_of, mach
 
@@ -33,6 +36,28 @@ def test_settings_are_valid_and_never_coarser_than_asked(case, factor):
             assert made.sound_speed == pytest.approx(config.sound_speed / factor, rel=1e-9)
         elif knob.name == "cfl":
             assert made.numerics == config.numerics and mach(made) == mach(config)
+
+
+class Columns(dict):
+    time = np.linspace(0.0, 100.0, 50)
+
+
+@pytest.mark.parametrize("case", [case for case in CASES if read(case).gauge])
+def test_every_gauge_of_a_case_can_be_asked_for(case):
+    """By its name, of a column that the series has."""
+    config = read(case)
+    known = {quantity.name: quantity for quantity in knobs_of(config).quantities()}
+    series = Columns(dict.fromkeys(gauge_units(config), Columns.time + 1.0))
+    for i, gauge in enumerate(config.gauge):
+        quantity = known[name_of("gauge", i, gauge)]
+        assert np.isfinite(quantity.measure(series)).all() and gauge.name in quantity.why
+
+
+def test_a_case_that_has_a_gauge_is_not_said_to_have_none():
+    for what, at in (("elevation", "[0.5, 0.0]"), ("velocity", "[0.5, 0.5]")):
+        config = read("still-tank", (f'gauge=({{ name = "g"; what = "{what}"; at = {at}; }})',))
+        first, energy = knobs_of(config).quantities()
+        assert (first.name, energy.name) == ("g", "energy") and "no gauge" not in energy.why
 
 
 @pytest.mark.parametrize("case", CASES)
