@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.space.products import product
-from sph.case.config import AXES, ELEVATION, FLOW, FRONT, PRESSURE, WALL_PRESSURE, Gauge
+from sph.case.config import AXES, ELEVATION, FLOW, FRONT, PRESSURE, VELOCITY, WALL_PRESSURE, Gauge
 from sph.diagnostics.sensors import Sensors
 from sph.diagnostics.snapshot import particles_at
 from sph.particles.storage import Slots, Storage
@@ -50,7 +50,11 @@ class Gauges:
         if gauge.kind is FRONT:
             return self.front(gauge)
         own = particles_at(self.storage, self.near(gauge.at, self.reach(gauge)))
-        return self.elevation(gauge, own) if gauge.kind is ELEVATION else self.flow(gauge, own)
+        if gauge.kind is ELEVATION:
+            return self.elevation(gauge, own)
+        if gauge.kind is FLOW:
+            return self.flow(gauge, own)
+        raise unread(gauge)
 
     def reach(self, gauge: Gauge) -> NDArray[np.float64]:
         """How far from its place a gauge looks at fluid along each axis, m."""
@@ -99,8 +103,12 @@ class Gauges:
         found: dict[str, float] = {}
         for gauge, (full, *sides) in zip(gauges, totals):
             pressure, *v = (unit[1:] * sides / full if full > MIN_WEIGHT else np.zeros(1 + d)).tolist()
-            velocity = {f"{gauge.name}_{axis}": value for axis, value in zip(AXES, v)}
-            found |= {gauge.name: pressure} if gauge.kind is PRESSURE else velocity
+            if gauge.kind is PRESSURE:
+                found[gauge.name] = pressure
+            elif gauge.kind is VELOCITY:
+                found |= {f"{gauge.name}_{axis}": value for axis, value in zip(AXES, v)}
+            else:
+                raise unread(gauge)
         return found
 
     def front(self, gauge: Gauge) -> float:
@@ -173,6 +181,10 @@ class Gauges:
         scale = scene.c0 * scene.spacing ** (d - 1)
         total = self.summed((weight * volume * own["v"][inside, k] / scale)[:, None])
         return float(total[0]) * scale * sign
+
+
+def unread(gauge: Gauge) -> NotImplementedError:
+    return NotImplementedError(f"{gauge.name}: nothing reads a gauge of {gauge.what}")
 
 
 def due(gauge: Gauge, time: float, since: float) -> bool:

@@ -11,6 +11,7 @@ from hpcpic.core.comm.world import World
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
 from sph.case import columns
+from sph.case.config import GAUGES, GaugeKind
 from sph.configure import configure
 from sph.diagnostics.gauges import Gauges
 from sph.step import Sph
@@ -35,6 +36,14 @@ def Still(gauge="", high=2.0, periodic='periodic = ["x"];'):
 def reading(gauge, **more):
     sph = Still(f'{{ name = "g"; {gauge} }}', **more)
     return Gauges(sph.storage, sph.sensors).values(0.0)
+
+
+@pytest.mark.parametrize("kind", [GaugeKind(("m", "m")), GaugeKind(("K", "K"), at_point=True)])
+def test_a_kind_that_nothing_reads_is_told(kind, monkeypatch):
+    sph = Still('{ name = "g"; what = "elevation"; at = [0.3, 0.5]; }')
+    monkeypatch.setitem(GAUGES, "elevation", kind)
+    with pytest.raises(NotImplementedError, match="g: nothing reads"):
+        Gauges(sph.storage, sph.sensors).values(0.0)
 
 
 @pytest.mark.parametrize("x", [0.0, 0.31, 1.999])
