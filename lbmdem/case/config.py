@@ -15,7 +15,7 @@ from hpcpic.core.case.gauge import Gauge
 from hpcpic.core.case.schema import REQUIRED, Lengths, Section, Vector, as_tuple, setting
 from hpcpic.core.case.words import one_of, one_period, one_viscosity
 from hpcpic.core.files.start import Start, arrays, attach_arrays
-from hpcpic.core.physics.contact_law import ContactLaw
+from hpcpic.core.physics.contact_law import SHEAR_RATIO, ContactLaw
 from lbmdem.case.boundaries import Boundary, Obstacle
 from lbmdem.physics.contact_law import stable_step
 
@@ -382,7 +382,7 @@ def contact_law(config: LbmDemConfig) -> ContactLaw:
     contact, reduced = config.contact, 0.5 * lightest(config)
     if not contact.friction:  # nothing acts along a contact, nor limits its step
         return ContactLaw(contact.normal_stiffness, contact.damping)
-    shear = contact.tangential_stiffness or 2.0 / 7.0 * contact.normal_stiffness
+    shear = contact.tangential_stiffness or SHEAR_RATIO * contact.normal_stiffness
     remembers = contact.tangential == "history"
     beta = contact.tangential_viscosity
     if beta is None and math.isfinite(reduced):

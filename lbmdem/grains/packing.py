@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import ConfigError
-from hpcpic.core.physics.contact_law import ContactLaw
+from hpcpic.core.physics.contact_law import SHEAR_RATIO, ContactLaw
 from hpcpic.core.simd.caches import Store
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.space.rng import uniforms
@@ -139,7 +139,7 @@ def settle(world: World, pool: Pool, domain: Domain, sample: Sample, x: NDArray)
     """
     assert sample.law is not None
     d, law = domain.ndim, sample.law
-    law = law._replace(shear=law.shear or 2.0 / 7.0 * law.stiffness)
+    law = law._replace(shear=law.shear or SHEAR_RATIO * law.stiffness)
     columns = _columns(sample, x)
     down = (0.0,) * (d - 1) + (-sample.gravity,)
     dem = Dem(world, pool, domain, columns, law, _walls(domain, sample), down)

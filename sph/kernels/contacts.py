@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.physics import contact_law
-from hpcpic.core.physics.contact_law import ContactLaw, dot, normal_force, slip_velocity, spring_friction
+from hpcpic.core.physics.contact_law import SHEAR_RATIO, ContactLaw, dot, normal_force, slip_velocity, spring_friction
 from hpcpic.core.simd.compile import formulas, njit
 from sph.physics import lines
 
 formulas(contact_law, lines)
-SHEAR = 2.0 / 7.0  # tangential stiffness over the normal one
 Reals = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
@@ -195,7 +194,7 @@ def touch_pair(solids, touches, p, loads, h, lead):
         inwards, rest = (-n[0], -n[1], -n[2]), (0.0, 0.0, 0.0)
         opening = dot(relative, inwards)
         damping = 2.0 * alpha * np.sqrt(mass * stiffness / count)
-        shear = SHEAR * stiffness
+        shear = SHEAR_RATIO * stiffness
         law = ContactLaw(stiffness, alpha, friction, 2.0 * alpha * np.sqrt(mass * shear / count), shear, False)
         normal, travel, depth, _ = normal_force(overlap, opening, damping, law, h)
         slip = slip_velocity(relative, rest, inwards, opening)

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 from hpcpic.core.simd.formulas import fma, maximum, minimum, select, sqrt
 
 Vector = tuple[Any, Any, Any]
+SHEAR_RATIO = 2.0 / 7.0  # tangential stiffness over the normal one, where a case gives none
 
 
 class ContactLaw(NamedTuple):

@@ -2,12 +2,14 @@
 
 import csv
 import math
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from dem_scenes import RADIUS, STIFFNESS, box, by_id, dem, grains
 
+from hpcpic.core.physics import contact_law
 from hpcpic.core.physics.contact_law import ContactLaw, deepest_overlap, regularised_friction, step_limit
 from lbmdem.grains.contact_network import contact_count, energies
 from lbmdem.grains.dem import Dem
@@ -33,6 +35,13 @@ def rebound(world, pool, law, fraction, d=3, shift=0.37):
     v = by_id(scene, scene.grains.v)
     np.testing.assert_array_equal(v[0], -v[1])
     return -v[0, 0] / speed
+
+
+def test_the_ratio_of_the_stiffnesses_stands_once():
+    root = Path(contact_law.__file__).parents[3]
+    sources = [file for package in ("hpcpic", "sph", "lbmdem") for file in (root / package).rglob("*.py")]
+    found = [file for file in sources if re.search(r"\b2(\.0)? / 7(\.0)?\b", file.read_text())]
+    assert found == [Path(contact_law.__file__)] and contact_law.SHEAR_RATIO == 2.0 / 7.0
 
 
 def rows():
