@@ -63,8 +63,10 @@ def stable_step(law: ContactLaw, radius: NDArray, mass: NDArray, inertia: NDArra
     k = int(np.argmin(mass))
     planar = inertia[k] > 0.45 * mass[k] * radius[k] ** 2
     contacts = contacts or (3.0 if planar else 4.5)
-    normal = 2.0 / mass[k]
-    tangential = 2.0 * (normal + 2.0 * radius[k] ** 2 / inertia[k])
+    normal = 2.0 / mass[k]  # 1/kg: 1 / reduced mass of two of them, along the normal
+    tangential = 2.0 * (normal + 2.0 * radius[k] ** 2 / inertia[k])  # 1/kg: along the contact, both turn; twice as many
+    # 1/s2: stiffness of all springs over the reduced mass
     spring = contacts * (law.stiffness * normal + law.shear * tangential)
+    # 1/s: viscosity of all dashpots over the reduced mass
     dashpot = contacts * (2.0 * law.damping * math.sqrt(law.stiffness * normal) + law.viscosity * tangential)
     return 2.0 / (dashpot + math.sqrt(dashpot**2 + spring))

@@ -196,13 +196,15 @@ def touch_pair(solids, touches, p, loads, h, lead):
         damping = 2.0 * alpha * np.sqrt(mass * stiffness / count)
         shear = SHEAR_RATIO * stiffness
         law = ContactLaw(stiffness, alpha, friction, 2.0 * alpha * np.sqrt(mass * shear / count), shear, False)
-        normal, travel, depth, _ = normal_force(overlap, opening, damping, law, h)
+        pressed = normal_force(overlap, opening, damping, law, h)
         slip = slip_velocity(relative, rest, inwards, opening)
         s = touches.springs[c]
         spring = s[0], s[1], s[2]
-        since = depth * h if lead > 0.0 and overlap < travel and opening < 0.0 else lead  # it begins in this step
-        f, _, kept = spring_friction(spring, inwards, slip, friction * normal, law, since, h)
+        begins = lead > 0.0 and overlap < pressed.travel and opening < 0.0  # in this step
+        since = pressed.steps * h if begins else lead
+        f, _, kept = spring_friction(spring, inwards, slip, friction * pressed.force, law, since, h)
         s[0], s[1], s[2] = kept
+        normal = pressed.force
         whole = f[0] + normal * n[0], f[1] + normal * n[1], f[2] + normal * n[2]
         push(loads, a, near, whole, 1.0, True)
         push(loads, b, far, whole, -1.0, True)

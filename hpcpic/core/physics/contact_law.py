@@ -31,6 +31,19 @@ class ContactLaw(NamedTuple):
     pulls: bool = True
 
 
+class NormalForce(NamedTuple):
+    """What acts along the normal of a contact; forces, and with them power, are per metre of depth in 2D.
+
+    force (N) pushes the bodies apart; travel (m): what the overlap changes by in a step; steps: overlap over travel, so
+    many steps ago the contact began, or so many ahead it ends; loss (W): power that the dashpot turns into heat.
+    """
+
+    force: Any
+    travel: Any
+    steps: Any
+    loss: Any
+
+
 def dot(a: Vector, b: Vector) -> Any:
     """Scalar product."""
     return fma(a[2], b[2], fma(a[1], b[1], a[0] * b[0]))
@@ -45,8 +58,9 @@ def slip_velocity(u: Vector, spin: Vector, n: Vector, opening: Any) -> Vector:
     )
 
 
-def normal_force(overlap: Any, opening: Any, damping: Any, law: ContactLaw, dt: float) -> tuple[Any, Any, Any, Any]:
-    """Spring and dashpot: the force, what the overlap changes by in a step, steps of contact, loss of power.
+def normal_force(overlap: Any, opening: Any, damping: Any, law: ContactLaw, dt: float) -> NormalForce:
+    """Spring and dashpot. overlap (m); opening (m/s): velocity of the second body less that of the first, along n, so
+    positive where they part; damping (N s/m): of the dashpot of this pair; dt (s).
 
     The force jumps when a contact begins or ends inside a step, s steps ago or ahead, as found from the overlap and its
     rate. The dashpots of the two instants next to it are multiplied by 3 s / 2 (s < 1) and 2 - s / 2 (s < 2): together
@@ -54,8 +68,8 @@ def normal_force(overlap: Any, opening: Any, damping: Any, law: ContactLaw, dt: 
     order in the step.
     """
     travel = abs(opening) * dt
-    depth = overlap / travel  # s
-    share = minimum(1.5 * depth, maximum(fma(depth, -0.5, 2.0), 1.0))
+    steps = overlap / travel  # s of the text
+    share = minimum(1.5 * steps, maximum(fma(steps, -0.5, 2.0), 1.0))
     share = select(travel > 0.0, share, 1.0)
     if not law.pulls:
         share = select(opening < 0.0, share, 1.0)  # such a contact ends without a jump
@@ -64,7 +78,7 @@ def normal_force(overlap: Any, opening: Any, damping: Any, law: ContactLaw, dt: 
     if not law.pulls:
         dashpot = select(normal < 0.0, law.stiffness * overlap, dashpot)
         normal = maximum(normal, 0.0)
-    return normal, travel, depth, dashpot * opening
+    return NormalForce(normal, travel, steps, dashpot * opening)
 
 
 def spring_energy(overlap: Any, law: ContactLaw) -> Any:

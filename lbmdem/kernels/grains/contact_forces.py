@@ -6,6 +6,8 @@ smaller id, so a pair has the same bits on every rank that sees it. Lines of pai
 over a grain's lines do not depend on which pairs beyond touch happen to be listed.
 """
 
+from typing import Any, NamedTuple
+
 from hpcpic.core.physics.contact_law import dot, normal_force, regularised_friction, slip_velocity, spring_friction
 from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.vector import (
@@ -33,6 +35,31 @@ from lbmdem.physics.contact_law import LANES, ROW
 ROW_BYTES, LINE_BYTES = 8 * ROW, 64
 SLOTS_AHEAD = 2 * LANES  # rows of second grains are prefetched: first ones follow each other, these lie anywhere
 F, I, H = Vec(LANES, "float64"), Vec(LANES, "int64"), Vec(LANES, "int32")
+
+
+class Masks(NamedTuple):
+    """Of eight pairs: whether they touch, and whether they are as near as a film reaches."""
+
+    touch: Any
+    near: Any
+
+
+class Motion(NamedTuple):
+    """Of eight pairs: normal n from the first to the second, overlap (m), velocity u of the second less that of the
+    first (m/s), and spin, the sum of arm x angular velocity (m/s).
+    """
+
+    n: Any
+    overlap: Any
+    u: Any
+    spin: Any
+
+
+class Resistances(NamedTuple):
+    """Of the films of eight pairs: force over velocity (N s/m) along the normal and along the surfaces."""
+
+    squeezing: Any
+    shearing: Any
 
 
 @njit
@@ -106,7 +133,8 @@ def grain_pairs(part, pair_cuts, contacts, rows, box, law, film, dt):
         arm_i, arm_j = a[3] - half, b[3] - half
         spin = fma(arm_j, t[0], arm_i * w[0]), fma(arm_j, t[1], arm_i * w[1]), fma(arm_j, t[2], arm_i * w[2])
         n, u = (dx * inverse, dy * inverse, dz * inverse), (s[0] - v[0], s[1] - v[1], s[2] - v[2])
-        contact(p, (touch, near), (n, overlap, u, spin), (squeezing, shearing), contacts, law, film, dt, 1.0)
+        motion, resistances = Motion(n, overlap, u, spin), Resistances(squeezing, shearing)
+        contact(p, Masks(touch, near), motion, resistances, contacts, law, film, dt, 1.0)
 
 
 @njit
@@ -132,32 +160,32 @@ def wall_pairs(part, wall_cuts, contacts, rows, walls, law, film, dt):
         arm = fma(overlap, -0.5, a[3])
         inwards, u = (-n[0], -n[1], -n[2]), (s[0] - v[0], s[1] - v[1], s[2] - v[2])
         spin = arm * w[0], arm * w[1], arm * w[2]
-        contact(p, (touch, near), (inwards, overlap, u, spin), (squeezing, shearing), contacts, law, film, dt, 2.0)
+        motion, resistances = Motion(inwards, overlap, u, spin), Resistances(squeezing, shearing)
+        contact(p, Masks(touch, near), motion, resistances, contacts, law, film, dt, 2.0)
 
 
 @njit(forceinline=True)
 def contact(p, masks, motion, resistances, contacts, law, film, dt, heat):
     """Write the lines of the slots from p on: spring, dashpot and friction where they touch, else a film's forces.
 
-    motion: normal, overlap, velocity of the second less that of the first, and sum of arm x angular velocity.
     heat: 2 when all the heat is the first one's.
     """
-    (touch, near), (n, overlap, u, spin), zero = masks, motion, splat(F, 0.0)
-    squeezing, shearing = resistances
-    opening = dot(u, n)
-    normal, travel, depth, loss = normal_force(overlap, opening, load(F, contacts.damping, p), law, dt)
-    t = slip_velocity(u, spin, n, opening)
-    limit = law.friction * abs(normal)
+    touch, near, n, overlap, zero = masks.touch, masks.near, motion.n, motion.overlap, splat(F, 0.0)
+    squeezing, shearing = resistances.squeezing, resistances.shearing
+    opening = dot(motion.u, n)
+    pressed = normal_force(overlap, opening, load(F, contacts.damping, p), law, dt)
+    t = slip_velocity(motion.u, motion.spin, n, opening)
+    limit = law.friction * abs(pressed.force)
     if law.shear > 0.0:
-        begins = (overlap < travel) & (opening < 0.0)
-        lead = select(begins, depth, splat(F, 0.5)) * dt
+        begins = (overlap < pressed.travel) & (opening < 0.0)
+        lead = select(begins, pressed.steps, splat(F, 0.5)) * dt
         f, heated, s = spring_friction(load_springs(contacts.springs, p), n, t, limit, law, lead, dt)
         kept = select(touch, s[0], zero), select(touch, s[1], zero), select(touch, s[2], zero)
         store_springs(contacts.springs, p, kept)
     else:
         f, heated = regularised_friction(t, limit, law.viscosity)
-    loss = loss + heated
-    normal = select(touch, normal, -squeezing * opening)
+    loss = pressed.loss + heated
+    normal = select(touch, pressed.force, -squeezing * opening)
     gx, gy, gz, sheared = zero, zero, zero, zero
     if film.cut_off > 0.0:
         gx, gy, gz = shearing * t[0], shearing * t[1], shearing * t[2]
