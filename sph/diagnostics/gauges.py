@@ -15,9 +15,9 @@ from sph.diagnostics.snapshot import particles_at
 from sph.particles.storage import Slots, Storage
 from sph.physics.smoothing import SMOOTHING
 from sph.setup.tanks import free_way
+from sph.sizes import LEVELS
 
 FIXED_POINT = 2.0**40
-LEVELS = 4  # heights looked at per spacing
 MIN_WEIGHT = 0.05  # of the kernel's sum, below which a point is dry
 HALF_SLICE = 2  # spacings on each side of a section in which flow is counted
 

@@ -18,12 +18,12 @@ from sph.physics.fluxes import FLUXES
 from sph.physics.integrators import INTEGRATORS
 from sph.physics.stability import support_of
 from sph.physics.wall_rules import rule_of
+from sph.sizes import LEVELS
 
 DELTA = {2: 1.0, 3: 1.4}  # more for renormalised gradients, by dimension; measured
 SERIES_BYTES = 24 * 8 * 2
 START = 1.4  # s: interpreter, libraries, kernels from the cache
 TRIMESH_MIB, TRIANGLE_BYTES = 52.0, 1370  # of what reads STL files, and of each triangle in them; measured
-LEVELS = 8  # looked at by a gauge of elevation in each spacing of a particle's support (sph.diagnostics.gauges)
 
 # Measured on the authors' machine, one core of a 2-core AMD Zen 5 at 4.1 GHz.
 DEFAULT = FILES | {
@@ -155,7 +155,8 @@ def sample_seconds(config: SphConfig, rates: Mapping[str, float]) -> float:
     columns = sum(gauge.kind.column for gauge in config.gauge)
     measured = sum(wall.measure_force for wall in config.wall)
     fixed = 1e-6 * (rates["sph_sample_us"] + measured * rates["force_us"])
-    return fixed + 1e-9 * columns * near * LEVELS * reach * rates["gauge_ns"]
+    levels = 2 * LEVELS * reach  # within the support of a particle, above and below it
+    return fixed + 1e-9 * columns * near * levels * rates["gauge_ns"]
 
 
 def sums(config: SphConfig) -> float:
