@@ -1,5 +1,5 @@
-"""`--use FILE.py`: a Python file of the user, imported before a case is read, that registers a kernel, a loader or a
-scalar of its own.
+"""`--use FILE.py`: a Python file of the user, imported before a case is read, that registers a kernel, a loader, a
+scalar, a field, a wall rule or an acceleration of its own.
 
 Only the command line names such a file, never a case, which may come from somebody else. A run keeps the file in given/
 and a restart imports that copy; compiled kernels know it by a hash of its text (core.simd.generate).
@@ -134,5 +134,6 @@ use_option = click.option(
     metavar="FILE.py",
     expose_value=False,
     callback=_use_all,
-    help="Import a Python file first: a kernel, loader or scalar of your own. May be given several times.",
+    help="Import a Python file first: a kernel, loader, scalar, field, wall rule or acceleration of your own. May be "
+    "given several times.",
 )

@@ -1,4 +1,4 @@
-"""Files of the user that have registered something: a kernel, a loader, a wall rule. A run keeps a copy of them."""
+"""Files of the user that have registered something, as a kernel or a wall rule. A run keeps a copy of them."""
 
 import sys
 from pathlib import Path

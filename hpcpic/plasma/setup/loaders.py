@@ -244,7 +244,10 @@ class HarmonicTwoElectrons(Loader):
 
 
 class Arrays(Loader):
-    """The positions[n, d] and velocities[n, v] of arrays; random ones in the place of an array that there is not."""
+    """The positions[n, d] and velocities[n, v] of arrays; random ones in the place of an array that there is not.
+
+    Positions may be [n, 3], as they are read: 0 along axes that the box does not have.
+    """
 
     name = "arrays"
     placed = True
@@ -269,8 +272,12 @@ class Arrays(Loader):
             yield (), 'start is missing, which init_method "arrays" needs'
             return
         components = 3 if velocity_columns(section) == 3 else dimensions
-        shapes = {"position": (None, dimensions), "velocity": (None, components)}
+        given = arrays(section.start).get("position", np.zeros((0, dimensions)))
+        whole = given.ndim == 2 and given.shape[1] == 3
+        shapes = {"position": (None, 3 if whole else dimensions), "velocity": (None, components)}
         yield from ((("start", *path), text) for path, text in start_faults(section.start, shapes, section.particles))
+        if whole and given.dtype.kind in "fiu" and given[:, dimensions:].any():
+            yield ("start", "file"), f"position must be 0 along axes that the box of {dimensions}D does not have"
 
     def populations(self, section: Species, axis: int) -> tuple[Population, ...]:
         given = arrays(section.start).get("velocity")

@@ -76,10 +76,22 @@ def test_a_case_survives_pickling_with_its_changes_and_its_arrays():
     assert repr(case) == told[0] and repr(other).startswith(told[1][:-1])
 
 
+def test_positions_may_have_three_components_as_they_are_read():
+    x, v = arrays_of(64)
+    with started(position=x, velocity=v).simulation(threads=1) as sim:
+        sim.advance()
+        digest = sim.digest()
+    with started(position=np.pad(x, ((0, 0), (0, 2))), velocity=v).simulation(threads=1) as sim:
+        np.testing.assert_array_equal(sim.particles()["position"][:, 0], x[:, 0])
+        sim.advance()
+        assert sim.digest() == digest
+
+
 @pytest.mark.parametrize(
     ("start", "told"),
     [
         ({"position": np.zeros((4, 2))}, r"position must have the shape \[n, 1\] \(got \[4, 2\]\)"),
+        ({"position": np.eye(4)[:, :3]}, "position must be 0 along axes that the box of 1D does not have"),
         ({"positions": np.zeros((4, 1))}, "holds an array 'positions'; there are position, velocity"),
         ({"position": np.zeros((4, 1)), "velocity": np.zeros((3, 1))}, "arrays of different lengths: 3, 4"),
         ({"velocity": [[np.nan]]}, "velocity must hold finite numbers"),
