@@ -50,6 +50,14 @@ def test_a_script_that_registers_a_kernel_makes_a_run_that_restarts(tmp_path):
     assert (tmp_path / "run/given/own_kernel.py").read_text() == (EXAMPLES / "own_kernel.py").read_text()
 
 
+def test_the_beam_of_the_example_grows_as_theory_says(tmp_path):
+    words = [sys.executable, str(EXAMPLES / "beam_in_a_plasma.py")]
+    done = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    growth, theory = (float(part.split()[1]) for part in done.stdout.splitlines()[0].split(", "))
+    assert growth == pytest.approx(theory, rel=0.01)  # of the step, the mesh and the slower waves
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("name", sorted(path.stem for path in EXAMPLES.glob("*.py")))
