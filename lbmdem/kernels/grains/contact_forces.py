@@ -38,15 +38,15 @@ F, I, H = Vec(LANES, "float64"), Vec(LANES, "int64"), Vec(LANES, "int32")
 
 
 class Masks(NamedTuple):
-    """Of eight pairs: whether they touch, and whether they are as near as a film reaches."""
+    """Which of eight pairs touch, and which are as near as a film reaches."""
 
     touch: Any
     near: Any
 
 
 class Motion(NamedTuple):
-    """Of eight pairs: normal n from the first to the second, overlap (m), velocity u of the second less that of the
-    first (m/s), and spin, the sum of arm x angular velocity (m/s).
+    """How eight pairs lie and move: normal n from the first to the second, overlap (m), velocity u of the second less
+    that of the first (m/s), and spin, the sum of arm x angular velocity (m/s).
     """
 
     n: Any
@@ -56,7 +56,7 @@ class Motion(NamedTuple):
 
 
 class Resistances(NamedTuple):
-    """Of the films of eight pairs: force over velocity (N s/m) along the normal and along the surfaces."""
+    """Force over velocity (N s/m) of the films of eight pairs, along the normal and along the surfaces."""
 
     squeezing: Any
     shearing: Any
