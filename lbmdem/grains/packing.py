@@ -30,10 +30,11 @@ from lbmdem.setup.overlap_survey import law_diameters, packed_space, solid_volum
 
 log = logging.getLogger("hpcpic.lbmdem")
 
-VERSION = 1  # of the method: another one makes other packings
+VERSION = 2  # of the method: another one makes other packings
 PLACES, SIZES = 11, 12  # streams of random numbers
 START = 0.3  # of the final radii
 GROWTH, RELAXATION, STAGE = 300, 1500, 20  # stages of growth, at most of relaxation, steps in a stage
+CALMING = 0.2  # alpha of grains that settle, at least: without a dashpot they ring for ever
 TOUCHING, TOO_DEEP = 1e-3, 1e-2  # overlap / diameter that is accepted, and that is refused
 
 
@@ -135,11 +136,11 @@ def grow(world: World, pool: Pool, domain: Domain, sample: Sample) -> NDArray[np
 def settle(world: World, pool: Pool, domain: Domain, sample: Sample, x: NDArray) -> NDArray[np.float64]:
     """Collective: places [n, d] after falling from x[n, d] along the last axis until all rest, on all ranks.
 
-    Friction has springs here whatever the law says: the regularised law creeps.
+    Friction has springs here whatever the law says, as the regularised law creeps, and contacts have dashpots.
     """
     assert sample.law is not None
     d, law = domain.ndim, sample.law
-    law = law._replace(shear=law.shear or SHEAR_RATIO * law.stiffness)
+    law = law._replace(shear=law.shear or SHEAR_RATIO * law.stiffness, damping=max(law.damping, CALMING))
     columns = _columns(sample, x)
     down = (0.0,) * (d - 1) + (-sample.gravity,)
     dem = Dem(world, pool, domain, columns, law, _walls(domain, sample), down)
