@@ -226,6 +226,18 @@ class Simulation:
 
         return checkpoint.digest(self.world, self.model.state())
 
+    @property
+    def field_names(self) -> tuple[str, ...]:
+        """The fields that there are."""
+        self._meet("field_names")
+        return tuple(self.model.fields())
+
+    @property
+    def species(self) -> tuple[str, ...]:
+        """The species, fluids and walls, or sets of grains that there are."""
+        self._meet("species")
+        return tuple(self.model.particles())
+
     def fields(self, name: str) -> xarray.DataArray:
         """A field on the whole grid, on every rank, with the places of its points; a copy that is read only."""
         self._meet(f"fields({name!r})")

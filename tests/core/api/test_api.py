@@ -59,6 +59,21 @@ def test_a_simulation_in_memory_ends_as_the_run(oscillation):
         assert sim.particles(name).equals(oscillation.particles(name))
 
 
+CASES = [(hpcpic, "plasma-oscillation"), (sph, "water-column"), (lbmdem, "settling-disc")]
+
+
+@pytest.mark.parametrize(("program", "name"), CASES)
+def test_a_simulation_tells_what_can_be_read_of_it(program, name):
+    with program.Case(name).simulation(threads=1) as sim:
+        assert sim.species and (sim.field_names or program is sph)
+        for field in sim.field_names:
+            assert sim.fields(field).size
+        for species in sim.species:
+            assert "position" in sim.particles(species)
+    with pytest.raises(ConfigError, match="closed"):
+        _ = sim.species
+
+
 @pytest.mark.parametrize(
     "case",
     [
