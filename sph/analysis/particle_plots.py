@@ -132,9 +132,15 @@ def view_limits(run: Run, snapshots: Particles) -> tuple[np.ndarray, np.ndarray]
 
 
 def layout(panels: int, most: int) -> tuple[int, int]:
-    """Lines and columns, of which there are at most so many, with the fewest places left empty on that many lines."""
-    lines = math.ceil(panels / most)
-    return lines, math.ceil(panels / lines)
+    """Lines and columns, of which there are at most so many, with the fewest places left empty on that many lines; one
+    column more where three lines or more leave fewer empty so.
+    """
+
+    def fitted(columns: int) -> tuple[int, int]:
+        lines = math.ceil(panels / columns)
+        return lines, math.ceil(panels / lines)
+
+    return min(map(fitted, (most, most + 1) if panels > 2 * most else (most,)), key=math.prod)
 
 
 def _panels_2d(run: Run, snapshots: Particles, numbers: Sequence[int]) -> Figure:

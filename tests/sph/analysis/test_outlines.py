@@ -63,8 +63,13 @@ def test_a_scene_without_a_tank_has_the_edges_of_what_is_shown():
 
 @pytest.mark.parametrize("most", [2, 3])
 def test_no_line_of_panels_could_be_spared(most):
-    """A run that has stopped early has fewer pictures; four were laid out as three and one."""
+    """A run that has stopped early has fewer pictures; four were laid out as three and one, seven as twice three and
+    one."""
     for panels in range(1, 13):
         lines, columns = layout(panels, most)
-        assert columns <= most and lines == -(-panels // most)
-        assert lines * columns - panels < lines
+        needed = -(-panels // most)
+        wider = columns > most
+        assert columns <= most + wider and lines <= needed and lines * columns - panels < lines
+        assert not wider or (panels > 2 * most and lines * columns < needed * -(-panels // needed))
+        assert wider or lines == needed
+    assert layout(7, 3) == (2, 4)
