@@ -83,7 +83,7 @@ def node_ns(config: LbmDemConfig, rates: Mapping[str, float]) -> NodeTimes:
     timed = 1e3 / rates[f"mlups {lattice} {fluid.storage}"]
     bare = timed / rates[f"wave_gain {lattice}"]
     one, beside = bare + (timed - bare) * share_beyond(config, rates), rates["mixed"] * bare
-    if cached(config) and not held_alone(config, rates):  # who take as long in a small box as in a large one
+    if cached(config) and not held_alone(config, rates):  # else as long in a small box as in a large one
         one = bare = bare / rates.get(f"cached_gain {lattice}", 1.0)
     more = rates["forced"] if any(fluid.body_force) or config.shaking else 0.0
     more += rates["central"] if COLLISIONS[fluid.collision].dearer else 0.0

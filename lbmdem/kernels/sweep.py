@@ -127,8 +127,8 @@ def _wet(e: tuple[int, int, int], v: str) -> str:
 def _mixed(lattice: Lattice) -> list[str]:
     """Stores of the fluid lanes, to the neighbour whatever it is, and back from solid ones.
 
-    What goes to a solid node is read by nobody. A lane that has nothing to give back stores nowhere: without a branch,
-    which no machine foresees, and at an address that is in the cache already.
+    What goes to a solid node is read by nobody. A lane that has nothing to give back stores nowhere: where instructions
+    take masks without a branch, which no machine foresees, and at an address that is in the cache already.
     """
     targets = [(target, i, j, sign) for i, j in lattice.pairs for target, sign in (("hi", 1), ("lo", -1))]
     stores = [("here", 0, "BYTES")]

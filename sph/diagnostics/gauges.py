@@ -183,8 +183,9 @@ class Gauges:
         return float(total[0]) * scale * sign
 
 
-def unread(gauge: Gauge) -> NotImplementedError:
-    return NotImplementedError(f"{gauge.name}: nothing reads a gauge of {gauge.what}")
+def unread(gauge: Gauge) -> ValueError:
+    """The error of a kind that is among the keys and that `Gauges` does not know."""
+    return ValueError(f"{gauge.name}: nothing reads a gauge of {gauge.what}")
 
 
 def due(gauge: Gauge, time: float, since: float) -> bool:

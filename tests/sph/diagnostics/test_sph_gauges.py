@@ -42,7 +42,7 @@ def reading(gauge, **more):
 def test_a_kind_that_nothing_reads_is_told(kind, monkeypatch):
     sph = Still('{ name = "g"; what = "elevation"; at = [0.3, 0.5]; }')
     monkeypatch.setitem(GAUGES, "elevation", kind)
-    with pytest.raises(NotImplementedError, match="g: nothing reads"):
+    with pytest.raises(ValueError, match="g: nothing reads"):
         Gauges(sph.storage, sph.sensors).values(0.0)
 
 
