@@ -9,8 +9,8 @@ import math
 from collections.abc import Mapping
 
 from hpcpic.core.app.forecast import Estimate, gain, writing_seconds
+from hpcpic.core.app.rates import usual
 from hpcpic.core.case.words import in_steps
-from hpcpic.core.simd.registers import has_masks
 from lbmdem.case.config import LbmDemConfig
 from lbmdem.forecast.films import expected_substeps
 from lbmdem.forecast.node_shares import (
@@ -23,7 +23,7 @@ from lbmdem.forecast.node_shares import (
     shares,
 )
 from lbmdem.forecast.plan import arrays, face_bytes, grain_count, link_count
-from lbmdem.forecast.rates import DEFAULT, held_alone, node_ns
+from lbmdem.forecast.rates import DEFAULT, NARROW, held_alone, node_ns
 from lbmdem.physics.velocity_sets import LATTICES
 from lbmdem.sizes import (
     CACHE_OF_WHOLE_PLANES,
@@ -42,8 +42,8 @@ BLOCK = 16 * MIB  # of all ranks' state, which the first one reads for the diges
 
 
 def estimate(config: LbmDemConfig, ranks: int, threads: int, measured: Mapping[str, float]) -> Estimate:
-    """What a completed case needs on ranks x threads; `measured` rates of this machine take the place of DEFAULT."""
-    rates = DEFAULT | {"masks": float(has_masks())} | dict(measured)
+    """What a completed case needs on ranks x threads; `measured` rates of this machine take the place of usual ones."""
+    rates = usual(DEFAULT, NARROW) | dict(measured)
     every = output_periods(config)
     depth, period = steps_per_pass(config, ranks, threads), every["series"]
     single = phases(config, ranks, threads, rates, 1)

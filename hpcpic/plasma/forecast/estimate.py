@@ -3,17 +3,18 @@
 A step is the work on particles, on cells and on the field, divided by the gain of the cores, and what does not divide:
 Python with the launches, and the exchanges between ranks. Particles and nodes beyond those that the caches hold are
 waited for, and all cores share one memory. A sample of the series goes through all particles and nodes. The rates
-come from `hpcpic bench` on this machine; what it did not measure keeps its ratio to what it did on the authors'
-machine (rates.DEFAULT).
+come from `hpcpic bench` on this machine; what it did not measure keeps its ratio to what it did on a machine of the
+authors (rates.DEFAULT, rates.NARROW).
 """
 
 import math
 from collections.abc import Callable, Mapping
 
 from hpcpic.core.app.forecast import Estimate, gain, writing_seconds
+from hpcpic.core.app.rates import usual
 from hpcpic.plasma.case.config import PlasmaConfig, velocity_components
 from hpcpic.plasma.forecast.plan import arrays, factor_nonzeros
-from hpcpic.plasma.forecast.rates import DEFAULT, kernel_ns
+from hpcpic.plasma.forecast.rates import DEFAULT, NARROW, kernel_ns
 from hpcpic.plasma.physics.species_fields import MESH_FIELDS, SPECIES_FIELDS
 from hpcpic.plasma.sizes import EDGE
 
@@ -30,7 +31,7 @@ LEVELS = {3: 18, 2: 18, 1: 16}  # log2 of the nodes for which `field_ns` holds: 
 
 def estimate(config: PlasmaConfig, ranks: int, threads: int, measured: Mapping[str, float]) -> Estimate:
     """Memory, disk and time of a completed case on ranks x threads; `measured` rates of this machine take the place of
-    DEFAULT.
+    usual ones.
     """
     rates = completed_rates(measured)
     cycles, period = config.simulation.cycles, config.periods["series"]
@@ -49,10 +50,10 @@ def estimate(config: PlasmaConfig, ranks: int, threads: int, measured: Mapping[s
 
 
 def completed_rates(measured: Mapping[str, float]) -> dict[str, float]:
-    """DEFAULT with the measured rates; a kernel that was not measured keeps its ratio to the standard one."""
-    standard = "particle_ns 2D CIC double"
-    ratio = measured.get(standard, DEFAULT[standard]) / DEFAULT[standard]
-    scaled = {name: value * ratio if "_ns" in name else value for name, value in DEFAULT.items()}
+    """Usual rates with the measured ones; a kernel that was not measured keeps its ratio to the standard one."""
+    standard, rates = "particle_ns 2D CIC double", usual(DEFAULT, NARROW)
+    ratio = measured.get(standard, rates[standard]) / rates[standard]
+    scaled = {name: value * ratio if "_ns" in name else value for name, value in rates.items()}
     return scaled | dict(measured)
 
 

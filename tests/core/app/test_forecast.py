@@ -7,7 +7,7 @@ from itertools import pairwise
 import pytest
 
 from hpcpic.core.app.forecast import gain, writing_seconds
-from hpcpic.core.app.rates import undisturbed
+from hpcpic.core.app.rates import undisturbed, usual
 from hpcpic.core.app.read import read_case
 from hpcpic.core.cli.check import late_outputs, whole_run
 
@@ -72,3 +72,17 @@ def test_outputs_that_begin_after_the_end_are_told(program, period, cure):
         assert number.cure.startswith(cure)
         config = read_case(app, case, (number.cure.replace(" ", ""),)).config
         assert not list(late_outputs(app, config))
+
+
+@pytest.mark.parametrize("program", ["hpcpic.plasma", "sph", "lbmdem"])
+@pytest.mark.parametrize("masks", [True, False])
+def test_a_machine_that_nobody_measured_has_the_rates_of_its_kind(program, masks, monkeypatch):
+    """Without AVX-512 a vector takes two instructions: nothing is faster, but for what is beside a vector."""
+    monkeypatch.setattr("hpcpic.core.app.rates.has_masks", lambda: masks)
+    known = import_module(f"{program}.forecast.estimate")
+    rates = usual(known.DEFAULT, known.NARROW)
+    assert set(rates) == set(known.DEFAULT) and set(known.NARROW) < set(known.DEFAULT)
+    assert (rates == known.DEFAULT) == masks
+    for name, rate in known.DEFAULT.items():
+        assert not name.startswith(("pair_ns", "particle_ns")) or rates[name] >= rate
+        assert not name.startswith("mlups") or rates[name] <= rate

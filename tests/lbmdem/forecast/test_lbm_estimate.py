@@ -112,8 +112,8 @@ def test_what_a_processor_holds_changes_what_is_told_and_nothing_that_is_done(mo
     """Masks decide time and memory, and neither the samples of a series nor the rows of ranks."""
     bed, told, done = config(n=64, more=GRAIN.format(moving="false").replace("8.0; d", "56.0; d")), [], []
     for masks in (True, False):
-        for module in ("node_shares", "estimate"):
-            monkeypatch.setattr(f"lbmdem.forecast.{module}.has_masks", lambda masks=masks: masks)
+        for module in ("lbmdem.forecast.node_shares", "hpcpic.core.app.rates"):
+            monkeypatch.setattr(f"{module}.has_masks", lambda masks=masks: masks)
         needs = estimate(bed, 1, 1, {})
         told.append((needs.step_seconds, sum(needs.memory.values())))
         done.append((output_periods(bed), first_cuts(bed, 3)))
