@@ -1,7 +1,8 @@
 """What rigid bodies touch in a step: their spheres near the surfaces of others, with the law of each contact.
 
 Solids that were apart touch a spacing apart: no narrower gap holds a layer of particles, and one that is caught in it
-is pressed into the solids. A sphere that began nearer touches where it began, or as far as it has come since.
+is pressed into the solids. A sphere that began nearer touches where it began until it has been a spacing away: before
+that no fluid comes between.
 """
 
 from dataclasses import dataclass, field
@@ -115,7 +116,7 @@ class Contacts:
         known = at < len(self.keys)
         known[known] = self.keys[at[known]] == keys[known]
         springs[known] = self.springs[at[known]]
-        film[known] = np.maximum(film[known], self.film[at[known]])
+        film[known] = np.where(film[known] < FILM * dp, self.film[at[known]], FILM * dp)
         self.take(keys, springs, film)
         arrays["radius"] += film
         return Touches(**arrays, springs=springs, cuts=np.array(cuts), laws=np.array(laws))
