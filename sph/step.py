@@ -54,7 +54,7 @@ class Sph:
     def __init__(self, config: SphConfig, world: World, pool: Pool, timers: Timers) -> None:
         self.scene = scene = Scene(config)
         self.world, self.timers, self.clock = world, timers, Clock()
-        self.n_steps, self.end_time, self.work_items = config.n_steps, config.end_time, scene.n_fluid
+        self.n_steps, self.end_time = config.n_steps, config.end_time
         self.scalar_units = columns.scalar_units(config) | columns.gauge_units(config)
         kinds = {"series": "series", "particle": "particles", "checkpoint": "checkpoint"}
         self.time_periods = {kind: getattr(config.output.period, name) or 0.0 for kind, name in kinds.items()}
@@ -223,6 +223,11 @@ class Sph:
     def time_step(self) -> float:
         """Length of the last step, s."""
         return self.clock.time_step
+
+    @property
+    def work_items(self) -> int:
+        """Particles of all ranks, without those that have left since the last look at the mass."""
+        return self.scene.n_fluid + self.exchange.come
 
     @property
     def local_items(self) -> int:

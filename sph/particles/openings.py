@@ -40,7 +40,12 @@ class Exchange:
         self.margin = 0.5 * scene.support  # more than the fluid moves in a step
         self.gone = np.zeros(len(scene.masses), np.int64)
         self.made, self.filled = np.zeros((2, len(scene.inlets)), np.int64)
-        self._has_begun = False
+        self._has_begun, self._left = False, 0
+
+    @property
+    def come(self) -> int:
+        """Particles more on all ranks than fluids have at the start, as far as their leaving is known."""
+        return int(self.made.sum()) - self._left
 
     def leave(self, box: tuple[NDArray, NDArray]) -> None:
         """Take out what has left; before particles change ranks. `box`: around all fluid before it moved, m."""
@@ -69,6 +74,7 @@ class Exchange:
         if not self.scene.config.exchanges:
             return {}
         masses, gone = self.scene.masses, self.world.sum_int(self.gone)
+        self._left = int(gone.sum())
         came = math.fsum(masses[len(self.scene.fluids) :] * (self.made - self.filled))
         left = math.fsum(masses * gone)
         return {"inflow": came, "outflow": left, "mass_total": math.fsum([mass, left, -came])}

@@ -141,6 +141,7 @@ class _Run:
     def show_progress(self) -> None:
         model = self.model
         if self.world.rank == 0 and not self.options.quiet and self.progress.due(model.iteration, model.time):
+            self.progress.items = model.work_items  # fluid comes and leaves
             self.progress.show(model.iteration, model.time, self.model.time_step, self.model.end_time)
 
     def take_steps(self) -> None:
@@ -358,11 +359,14 @@ def write_post_mortem(
 
 def _rates(facts: Mapping[str, Any]) -> dict[str, Any]:
     """The names that users rely on: particles or nodes, ns_per_particle_step or mlups, of the median step."""
-    items, seconds = facts["work_items"], facts["step_seconds"]["median"]
-    if facts["steps_done"] == 0 or items == 0:
-        return {"particles" if facts["work_unit"] == "particle" else "nodes": items}
+    items, seconds, unit = facts["work_items"], facts["step_seconds"]["median"], facts["work_unit"]
+    found = {f"{unit}s": items}
+    if facts["steps_done"] == 0:
+        return found
     if not seconds > 0:
         seconds = facts["loop_seconds"] / facts["steps_done"]
-    if facts["work_unit"] == "particle":
-        return {"particles": items, "ns_per_particle_step": 1e9 * seconds / items, "step_ms": 1e3 * seconds}
-    return {"nodes": items, "mlups": 1e-6 * items / seconds, "step_ms": 1e3 * seconds}
+    if items and unit == "particle":
+        found["ns_per_particle_step"] = 1e9 * seconds / items
+    elif items:
+        found["mlups"] = 1e-6 * items / seconds
+    return found | {"step_ms": 1e3 * seconds}

@@ -22,7 +22,7 @@ if TYPE_CHECKING:  # `estimate` uses the words below, and answers sooner without
 
 WARM_UP = 5  # steps left out of the statistics: compilation, first touch, cold caches
 KEPT = 1 << 16
-CONSERVED = ("energy_total", "charge", "mass", "mean_density", "momentum_x", "momentum_y", "momentum_z")
+CONSERVED = ("energy_total", "charge", "mass", "mass_total", "mean_density", "momentum_x", "momentum_y", "momentum_z")
 
 
 class StepTimes:
@@ -214,17 +214,18 @@ def _section_table(facts: Mapping[str, Any]) -> list[str]:
     table = facts["timers"]
     if not table:
         return []
-    item_steps = max(1, facts["steps_done"] * facts["work_items"])
+    item_steps = facts["steps_done"] * facts["work_items"]
     lines = [
         f"{'section':<16}{'min s':>10}{'avg s':>10}{'max s':>10}{'spread':>9}{'share':>8}{'calls':>10}"
-        f"   per {facts['work_unit']}-step"
+        + (f"   per {facts['work_unit']}-step" if item_steps else "")
     ]
     for name, row in table.items():
         spread = (row["max"] - row["min"]) / row["avg"] if row["avg"] else 0.0
         lines.append(
             f"{name:<16}{row['min']:>10.3f}{row['avg']:>10.3f}{row['max']:>10.3f}"
             f"{spread:>9.1%}{row['share']:>8.1%}"
-            f"{count(row['calls']) if row['calls'] else '':>10}   {1e9 * row['avg'] / item_steps:.3g} ns"
+            f"{count(row['calls']) if row['calls'] else '':>10}"
+            + (f"   {1e9 * row['avg'] / item_steps:.3g} ns" if item_steps else "")
         )
     return lines
 

@@ -60,6 +60,14 @@ def test_conserved_keeps_the_largest_change_and_does_not_lose_a_nan():
     assert conserved.facts()["energy_total"]["change"] == math.inf
 
 
+def test_a_run_without_particles_tells_times_and_no_share_of_a_particle():
+    """As one that waits for its inlet to open."""
+    row = {"min": 1.0, "avg": 1.0, "max": 1.0, "share": 1.0, "calls": 3}
+    for items, told in ((0, False), (10, True)):
+        text = summary.render({**FACTS, "work_items": items, "work_unit": "particle", "timers": {"pairs": row}})
+        assert ("per particle-step" in text) == told and "pairs" in text
+
+
 def test_dissipation_is_told_as_what_it_is_and_a_gain_is_not():
     conserved = Conserved(("energy_total", "mass"), ("energy_total",))
     for value in (50.0, 40.0, 30.0):

@@ -1,7 +1,12 @@
 """Fluid that comes in through inlets and leaves through outlets."""
 
+import json
+import subprocess
+import sys
+
 import numpy as np
 import pytest
+from app_runner import environment
 from sph_scenes import config, engine, text
 
 from hpcpic.core.errors import ConfigError
@@ -45,6 +50,19 @@ def test_a_uniform_stream_stays_uniform_and_its_mass_is_known_exactly(integrator
     assert found["mass"] + found["outflow"] - found["inflow"] == pytest.approx(start["mass"], rel=1e-14)
     assert found["mass_total"] == pytest.approx(start["mass"], rel=1e-14)
     assert found["outflow"] > 0.9 * start["mass"]  # all of it has been replaced
+    assert sph.work_items == round(found["mass"] / sph.scene.inlets[0].mass)
+
+
+def test_a_run_with_openings_tells_what_it_keeps_and_how_many_particles_it_has(tmp_path):
+    """In a pipe that is empty at the start, but for what an inlet has in its box."""
+    pipe = text(more=f"{WALLS} {inlet()}", **(FLOW | {"fill": (0.12, 0.4), "outflow": ("x+",)}))
+    (tmp_path / "pipe.conf").write_text(pipe)
+    words = [sys.executable, "-m", "sph", "run", "pipe.conf", "-o", "run", "--set", "simulation.end_time=0.1"]
+    done = subprocess.run(words, cwd=tmp_path, env=environment(), capture_output=True, text=True)
+    facts = json.loads((tmp_path / "run/run.json").read_text())
+    kept = facts["conservation"]["mass_total"]
+    assert kept["change"] <= 1e-14 * kept["first"] and "conserved   mass_total" in done.stdout, done.stderr
+    assert facts["particles"] > 30 and facts["step_ms"] > 0 and facts["ns_per_particle_step"] < 1e9
 
 
 def test_a_parabola_flows_on_between_walls_where_it_sticks():
