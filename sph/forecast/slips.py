@@ -1,4 +1,6 @@
-"""Slips of a unit or of a place: densities of no liquid, water over the rim of its tank, hinges far from their body."""
+"""Slips of a unit or of a place: densities of no liquid, water over the rim of its tank, hinges far from their body,
+sensors of pressure in plates.
+"""
 
 import math
 from collections.abc import Iterator
@@ -7,9 +9,9 @@ import numpy as np
 
 from hpcpic.core.case.derived import Derived
 from sph.case import geometry
-from sph.case.config import AXES, Fluid, SphConfig
+from sph.case.config import AXES, WALL_PRESSURE, Fluid, SphConfig
 from sph.setup.scene import Scene, Wall
-from sph.setup.tanks import depth_in_wall
+from sph.setup.tanks import depth_in_solid, depth_in_wall, frame
 
 EARTH = 9.0, 10.5  # m/s2: gravity by which a case is known to be in SI units
 LIQUIDS = 50.0, 25000.0  # kg/m3: hydrogen has 71, gold 19300
@@ -22,6 +24,7 @@ def slips(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     yield from densities(config)
     yield from over_rims(config, scene)
     yield from hinges(config)
+    yield from plates(config, scene)
 
 
 def densities(config: SphConfig) -> Iterator[Derived]:
@@ -83,3 +86,25 @@ def hinges(config: SphConfig) -> Iterator[Derived]:
                 yield Derived(f"distance of the hinge of {wall.name} from it", "", away, "m", f"<= {most:.3g} m",
                               "warn", "it is beyond the domain too", "a point of the body, or beside it",
                               ("wall", i, "body", "hinge", "point"))  # fmt: skip
+
+
+def plates(config: SphConfig, scene: Scene) -> Iterator[Derived]:
+    """Sensors in solids so thin that the particles behind the area feel the fluid beyond the other face."""
+    reach = 2 * scene.support - scene.spacing  # of the particles that count, and of theirs
+    solids = [wall for wall in scene.walls if wall.section.solid and not wall.rule.images]
+    for i, gauge in enumerate(config.gauge):
+        if gauge.kind is not WALL_PRESSURE:
+            continue
+        along, sign = gauge.direction
+        deep = np.linspace(0.0, reach, 65)[1:]
+        x = np.array(gauge.at) + deep[:, None] * sign * frame(scene, gauge)[along]
+        for wall in solids:
+            out = depth_in_solid(wall, x) <= -1e-9 * scene.spacing
+            if gauge.wall not in ("", wall.name) or out[0] or not out.any():
+                continue
+            first = int(np.argmax(out))
+            if not any(depth_in_wall(other, x[first, None])[0] > 0.0 for other in scene.walls if other is not wall):
+                yield Derived(f"thickness of {wall.name} behind {gauge.name}", "L/dp", deep[first] / scene.spacing, "",
+                              f">= {reach / scene.spacing:.3g}", "warn", "it feels the fluid at the other face too",
+                              f"a thicker {wall.name}, spacing = {deep[first - 1] * scene.spacing / reach:.2g}, or "
+                              "measure_force, of both faces", ("gauge", i, "at"))  # fmt: skip

@@ -50,3 +50,20 @@ def test_a_hinge_far_from_its_body_and_the_domain_is_told(point, warns):
         shape = {{ box = {{ low = [0.4, 0.5]; high = [0.7, 0.8]; }}; }}; }}"""
     found = told(wall=f"{PARTS['wall'][:-1]}, {float_} )")
     assert ("distance of the hinge of float from it" in found) == warns
+
+
+@pytest.mark.parametrize("thick, sensor, warns", [
+    (0.1, 'at = [0.5, 0.2]; axis = "x+";', True),
+    (0.1, 'at = [0.6, 0.2]; axis = "x-"; wall = "plate";', True),
+    (0.1, 'at = [1.0, 0.2]; axis = "x+";', False),  # the tank, which has no other face
+    (0.4, 'at = [0.5, 0.2]; axis = "x+";', False),
+    (0.5, 'at = [0.5, 0.2]; axis = "x+";', False),  # it leans on the tank
+])  # fmt: skip
+def test_a_sensor_in_a_plate_that_feels_both_faces_is_told(thick, sensor, warns):
+    """A partition of one to four spacings between 2943 and 981 Pa: its sensors tell the difference, or less."""
+    plate = f"""{{ name = "plate"; solid = true;
+        shape = {{ box = {{ low = [0.5, 0.0]; high = [{0.5 + thick}, 0.6]; }}; }}; }}"""
+    found = told(wall=PARTS["wall"][:-1] + f", {plate} )",
+                 gauge=f'( {{ name = "p"; what = "wall-pressure"; size = [0.0, 0.1]; {sensor} }} )')  # fmt: skip
+    row = found.get("thickness of plate behind p")
+    assert (row is not None and row.verdict == "warn") == warns
