@@ -274,7 +274,10 @@ def apply_set(tree: Tree, assignment: str) -> str | None:
     try:
         value = parse_value(text.strip())
     except ConfigError as error:
-        return "; ".join(fault.partition(": ")[2] or fault for fault in error.messages)
+        told = "; ".join(fault.partition(": ")[2] or fault for fault in error.messages)
+        bare = grammar.QUOTES in told and '"' not in text  # a shell takes quotes away that stand in no others
+        example = 'key=["text"]' if text.strip()[:1] in ("[", "(", "{") else f'{key}="{text.strip()}"'
+        return f"{told}, within those of the shell: --set '{example}'" if bare else told
     path = tuple(int(part) if part.isdigit() else part for part in re.findall(r"[^.\[\]]+", key))
     parent: Any = tree.data
     for depth, part in enumerate(path[:-1]):

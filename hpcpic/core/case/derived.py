@@ -9,6 +9,7 @@ from hpcpic.core.case.config import Path, Tree, dotted
 from hpcpic.core.errors import ConfigError
 
 Verdict = Literal["ok", "warn", "fail"]
+FIRM = "--force, in Python force=True, does not lift this limit"  # said where it was tried
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +71,7 @@ def enforce(numbers: Iterable[Derived], tree: Tree, force: bool = False) -> list
         elif number.verdict == "fail" and force and number.forceable:
             warnings.append(f"{number} (refused without --force)")
         elif number.verdict == "fail":
-            hint = " (--force runs it, in Python force=True)" if number.forceable else ""
+            hint = " (--force runs it, in Python force=True)" if number.forceable else f" ({FIRM})" if force else ""
             refusals.append(f"{tree.where(number.key)}: {dotted(number.key) or 'case'}: {number}{hint}")
     if refusals:
         raise ConfigError(list(dict.fromkeys(refusals)))  # several fluids or sets of grains may have the same fault

@@ -48,6 +48,7 @@ ESCAPES = {"n": "\n", "t": "\t", "r": "\r", "f": "\f", "a": "\a", "b": "\b", "v"
 # control characters, and the marks that make a line read in another order than it is stored
 FORBIDDEN = re.compile("[\x00-\x08\x0e-\x1f\x7f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 OPENING = {"LBRACE": "}", "LPAR": ")", "LSQB": "]"}
+QUOTES = "texts stand in quotes"  # said of a bare word where a value stands
 
 
 @dataclass(slots=True)
@@ -215,7 +216,8 @@ def parse(text: str) -> tuple[Node, list[tuple[int, int, str]]]:
             end = len(text.rstrip())
             faults.found.append((*place_of(text, end), f"{wanted(state, opened)}, found the end of the file"))
         else:
-            faults.add(error.token, f"{wanted(state, opened)}, found {str(error.token)[:24]!r}")
+            word = f": {QUOTES}" if error.token.type == "NAME" and "INTEGER" in state.choices() else ""
+            faults.add(error.token, f"{wanted(state, opened)}, found {str(error.token)[:24]!r}{word}")
     except UnexpectedCharacters as error:
         faults.add(error, unreadable(text, error.pos_in_stream or 0, wanted(state, opened)))
     return nothing, faults.found

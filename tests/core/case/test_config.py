@@ -75,7 +75,7 @@ def test_every_notation_of_libconfig():
         ("a = 1\nb = ;", "2:5: expected a value"),
         ("a = 1 b = 2;", "1:7: missing ; after the value of 'a'"),
         ("a = 1;\nb = 5ns;", "2:5: '5ns' is not a number"),
-        ("a = yes;", "1:5: expected a value"),
+        ("a = yes;", "found 'yes': texts stand in quotes"),
         ("g = {\n a = 1;\n", "1:5: missing '}' for this '{'"),
         ("v = [1, 2;", "1:10: expected , or ]"),
         ("v = (1, 2", "1:5: missing ')' for this '('"),
@@ -367,6 +367,18 @@ def test_set_faults_are_told_with_the_assignment(assignment):
     tree = loads("a = 1; v = [1, 2]; species = ({ x = 1; });", sets=[assignment])
     assert len(tree.faults) == 1 and tree.faults[0].startswith(f"--set {assignment}: ")
     assert tree.data == {"a": 1, "v": [1, 2], "species": ({"x": 1},)}
+
+
+@pytest.mark.parametrize("assignment, example", [
+    ("s[0].axis=y+", "--set 's[0].axis=\"y+\"'"),
+    ("a=my file.npz", "--set 'a=\"my file.npz\"'"),
+    ("v=[x, y]", "--set 'key=[\"text\"]'"),
+    ('v=["x", y]', None),
+    ("a=[1, 2", None),
+])  # fmt: skip
+def test_a_text_without_quotes_is_told_how_a_shell_leaves_them(assignment, example):
+    fault = loads("a = 1; v = []; s = ({ x = 1; });", sets=[assignment]).faults[0]
+    assert fault.endswith(f"texts stand in quotes, within those of the shell: {example}") == (example is not None)
 
 
 def test_values_parse_as_in_a_file():

@@ -156,9 +156,11 @@ def test_a_limit_stops_the_run_and_force_makes_it_a_warning(toy):
     assert toy.facts("a")["warnings"]
 
 
-def test_more_ranks_than_rows_are_refused(toy):
-    done = toy("run", "ring.conf", "-o", "a", ranks=3, rows=2)
+@pytest.mark.parametrize("force", [(), ("--force",)])
+def test_more_ranks_than_rows_are_refused_also_to_force_which_is_told(toy, force):
+    done = toy("run", "ring.conf", "-o", "a", *force, ranks=3, rows=2)
     assert done.returncode == 2 and done.stderr.count("rows per rank") == 1
+    assert ("does not lift this limit" in done.stderr) == bool(force)
     assert not (toy.folder / "a").exists()
 
 

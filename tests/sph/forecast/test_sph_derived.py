@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from hpcpic.core.case.config import loads
+from hpcpic.core.case.derived import enforce
+from hpcpic.core.errors import ConfigError
 from sph.configure import configure
 from sph.forecast.derived import derived
 
@@ -77,6 +79,17 @@ def test_the_default_courant_number_is_legal_and_the_cure_is_too(integrator, flu
 @pytest.mark.parametrize("factor, verdict", [(2, "fail"), (5, "warn"), (10, "ok"), (20, "ok"), (100, "warn")])
 def test_the_sound_speed(factor, verdict):
     assert numbers(eos=f"sound_speed_factor = {factor}.0;")["sound speed factor"].verdict == verdict
+
+
+def test_force_is_told_which_limit_it_does_not_lift():
+    """Waves slower than the fluid are no water at all; those a little faster are, with an error."""
+    text = TANK.replace(RUSANOV, "")
+    trees = [loads(text, sets=[f"eos.sound_speed={c0}"]) for c0 in (1.0, 6.0)]
+    with pytest.raises(ConfigError) as error:
+        enforce(derived(configure(trees[0])), trees[0], force=True)
+    assert all("does not lift this limit" in fault for fault in error.value.messages)
+    told = enforce(derived(configure(trees[1])), trees[1], force=True)
+    assert any("sound speed factor" in warning and "refused without --force" in warning for warning in told)
 
 
 @pytest.mark.parametrize(
