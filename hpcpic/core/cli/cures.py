@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from hpcpic.core.app.app import App
 from hpcpic.core.app.rates import read_rates
 from hpcpic.core.app.read import Case, read_case
 from hpcpic.core.app.text import duration
-from hpcpic.core.case.config import dotted
+from hpcpic.core.case.config import Path, dotted
 from hpcpic.core.case.derived import Derived
+from hpcpic.core.case.texts import value_text
 from hpcpic.core.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -35,8 +36,9 @@ def cures(app: App, read: Case, sets: Sequence[str], refused: Derived, ranks: in
         return []
     finder = Finder(app, read, tuple(sets), refused, ranks)
     found: dict[tuple[str, ...], str] = {}
+    usual = finder.usual(refused)
     for change in finder.changes(refused):
-        for verdicts, all_are, this_is in WAYS:
+        for verdicts, all_are, this_is in WAYS[:1] if usual else WAYS:
             for judge, words in ((finder.worst, all_are), (finder.verdict, this_is)):
                 assignments = finder.nearest(change, verdicts, judge)
                 if assignments:
@@ -44,6 +46,8 @@ def cures(app: App, read: Case, sets: Sequence[str], refused: Derived, ranks: in
                     break
         if found:
             break
+    if usual:
+        found.setdefault(usual, "the default, without a warning")
     for choice in finder.knobs.choices:
         for value in choice.others:
             assignments = (f"{dotted(choice.key)}={value}",)
@@ -113,12 +117,27 @@ class Finder:
             for knob in self.knobs.knobs
             if knob.limit == refused.name or knob.key == refused.key
         ]
-        value = self.config
-        for part in refused.key:
-            value = value[part] if isinstance(part, int) else getattr(value, part, None)
+        value = self.at(refused.key)
         if isinstance(value, float) and value:
             found.append(lambda factor: (f"{dotted(refused.key)}={float(f'{value * factor:.4g}')!r}",))
         return found
+
+    def usual(self, refused: Derived) -> tuple[str, ...]:
+        """The default of the scheme whose limit it is, the best known, where nothing warns of it; else ()."""
+        if not any(choice.key == refused.key for choice in self.knobs.choices):
+            return ()
+        field = type(self.at(refused.key[:-1])).model_fields[str(refused.key[-1])]
+        if field.is_required():
+            return ()
+        assignments = (f"{dotted(refused.key)}={value_text(field.default)}",)
+        return assignments if self.worst(assignments) == "ok" else ()
+
+    def at(self, key: Path) -> Any:
+        """What the case has at a key; None where a part of it is not given."""
+        value: Any = self.config
+        for part in key:
+            value = value[part] if isinstance(part, int) else getattr(value, part, None)
+        return value
 
     def nearest(self, change: Change, verdicts: tuple[str, ...], judge: Judge) -> tuple[str, ...]:
         """Settings of the size next to the case's own of which `judge` gives one of the verdicts; () for none."""

@@ -261,7 +261,28 @@ def test_the_error_of_the_period_of_waves_is_told_by_the_smoothing_length():
               for more in ("", "smoothing = 2.0;", "gradient_correction = true;")]  # fmt: skip
     assert errors == [4.8, 0.1, 0.2]
     assert speed not in told(numerics="{ spacing = 0.05; smoothing = 1.3; gradient_correction = true; }")
+    assert speed not in told(numerics="{ spacing = 0.05; smoothing = 1.2; }")
     assert title not in told(gravity="[0.0, 0.0]", eos="{ max_velocity = 1.0; }")
+
+
+@pytest.mark.parametrize("ratio, verdict", [(0.9, "warn"), (1.0, "warn"), (1.29, "warn"), (1.3, "ok"), (1.5, "ok")])
+def test_too_few_neighbours_for_waves_are_told_and_lead_to_the_default(ratio, verdict):
+    """Cases of papers keep 1.3, which is told without a verdict."""
+    name = "error of the period of waves"
+    number = told(numerics=f"{{ spacing = 0.05; smoothing = {ratio}; }}")[name]
+    assert number.verdict == verdict and number.cure.startswith("smoothing = 1.5") == (verdict == "warn")
+    assert name not in told(numerics=f'{{ spacing = 0.05; smoothing = {ratio}; kernel = "cubic"; }}')
+
+
+def test_cures_of_a_smoothing_length_lead_to_the_default_where_nothing_warns_of_it(tmp_path):
+    case = tmp_path / "few.conf"
+    parts = PARTS | {"numerics": "{ spacing = 0.05; smoothing = 0.5; }"}
+    case.write_text("\n".join(f"{name} = {value};" for name, value in parts.items()))
+    read = read_case(load_app(), str(case))
+    refused = next(number for number in derived(read.config) if number.verdict == "fail")
+    assert refused.cure.startswith("smoothing = 1.5")
+    good = [line for line in cures(load_app(), read, (), refused, 1) if "without a warning" in line]
+    assert len(good) == 1 and good[0].startswith("--set numerics.smoothing=1.5: the default")
 
 
 def test_a_gas_tells_what_it_costs_and_whether_its_pressure_holds():
