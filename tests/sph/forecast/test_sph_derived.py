@@ -8,6 +8,8 @@ from hpcpic.core.case.derived import enforce
 from hpcpic.core.errors import ConfigError
 from sph.configure import configure
 from sph.forecast.derived import derived
+from sph.physics.smoothing import SMOOTHING
+from sph.physics.terms import artificial_viscosity
 
 TANK = """
 simulation = { dimensions = 2; end_time = 1.0; integrator = "symplectic"; cfl = 0.4; };
@@ -132,6 +134,36 @@ def test_a_viscosity_that_a_spacing_does_not_resolve_is_told_where_walls_stick(v
     number = {n.name: n for n in derived(configure(loads(text)))}["Reynolds number of a spacing"]
     assert number.value == pytest.approx((2 * 9.81 * 0.5) ** 0.5 * 0.05 * 1000.0 / viscosity)
     assert number.verdict == verdict and bool(number.cure) == (verdict == "warn")
+
+
+@pytest.mark.parametrize("d, ratio", [(2, 1.5), (2, 2.0), (3, 1.5), (3, 2.0)])
+def test_the_viscosity_of_alpha_is_that_by_which_a_shear_wave_decays(d, ratio):
+    """The terms of the code on a lattice: v_x = sin(k y), 60 spacings long."""
+    flat = ", ".join(["0.0"] * d), ", ".join(["1.0"] * d)
+    config = configure(loads(f"""simulation = {{ dimensions = {d}; end_time = 1.0; }};
+        fluid = ( {{ shape = {{ box = {{ low = [{flat[0]}]; high = [{flat[1]}]; }}; }}; }} );
+        eos = {{ sound_speed = 20.0; max_velocity = 2.0; }};
+        numerics = {{ spacing = 0.1; smoothing = {ratio}; artificial_viscosity = 0.05; }};"""))
+    number = {n.name: n for n in derived(config)}["kinematic viscosity of alpha"]
+    h, k = config.h, 2 * np.pi / 6.0
+    offsets = np.stack(np.meshgrid(*[0.1 * np.arange(-4, 5)] * d), -1).reshape(-1, d)  # x_j - x_i
+    r = np.sqrt((offsets**2).sum(axis=1))
+    offsets, r = offsets[r > 0], r[r > 0]
+    y = 0.1 * np.arange(60)
+    faster = np.sin(k * y)[:, None] - np.sin(k * (y[:, None] + offsets[:, 1]))
+    near = faster * -offsets[:, 0] / (r**2 + 0.01 * h**2)
+    push = artificial_viscosity(0.0, near, 1e-3, 1e-3, -0.5 * 0.05 * 20.0 * h)
+    F = SMOOTHING["wendland2"].gradient(r / h, d) / h ** (d + 2)
+    slower = (-1000.0 * 0.1**d * push * F * -offsets[:, 0]).sum(axis=1)
+    decay = -(slower * np.sin(k * y)).sum() / (np.sin(k * y) ** 2).sum()
+    assert decay / k**2 == pytest.approx(number.value, rel=0.13)  # along a lattice less than at an angle
+    assert number.value == pytest.approx(0.05 * 20.0 * h / (16 if d == 2 else 20))
+    assert number.verdict == "ok" and not number.limit
+    assert f"Re = vmax L/nu = {2.0 / number.value:.3g}" in number.source
+
+
+def test_a_fluid_without_alpha_has_no_viscosity_of_it():
+    assert "kinematic viscosity of alpha" not in numbers(numerics="artificial_viscosity = 0.0;")
 
 
 @pytest.mark.parametrize("g", [0.0981, 9.81, 981.0])
