@@ -1,8 +1,10 @@
-"""What a body force makes of a fluid: how fast it gets, and when it is steady past grains that stay."""
+"""What a body force and shaking make of a fluid: how fast it gets, and when it is steady past grains that stay."""
 
 import math
 from collections.abc import Iterator
+from typing import NamedTuple
 
+from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived, judged
 from lbmdem.case.config import AXES, LbmDemConfig, seeps
 from lbmdem.forecast.free_fall import PEAK, speed_through, stays
@@ -11,35 +13,67 @@ from lbmdem.physics.velocity_sets import CS2
 
 
 def driven(config: LbmDemConfig) -> Iterator[Derived]:
-    """Speed that the body force gives the fluid: that of its whole push, or if less that of the parabola between the
-    nearest walls along it. Solids that stay hold the fluid back: then these, and what grains that it must pass let
-    through, are upper limits. Not told of grains that all move in a box without walls along the force.
+    """Speed that the body force and shaking give the fluid along axes without walls: that of their whole push, or if
+    less that of the parabola between the nearest walls along it. Solids that stay hold the fluid back: then these, and
+    what grains that it must pass let through, are upper limits. Not told of a body force on grains that all move in a
+    box without walls along it.
     """
-    size, nu, end = config.domain.size, config.liquid.kinematic_viscosity, config.simulation.end_time
+    size, nu = config.domain.size, config.liquid.kinematic_viscosity
     stay = any(stays(config, group) for group in config.grains)
     held = stay or bool(config.obstacle)
     unwalled = {face.face[0] for face in config.boundary if face.type != "wall"}.union(config.domain.periodic)
-    squares = 0.0
-    for along, a in zip(AXES, config.liquid.body_force):
+    speeds, largest, by = dict.fromkeys(AXES, 0.0), 0.0, PUSHED
+    for along, push, a, free in pushes(config):
         walls = [length for axis, length in zip(AXES, size) if axis not in unwalled and axis != along]
-        if a and along in unwalled and (walls or held or not config.grains):
-            limits = [abs(a) * end, *(abs(a) * height**2 / (8.0 * nu) for height in walls)]
+        if along in unwalled and (walls or held or not config.grains or push is SHAKEN):
+            limits = [free, *(a * height**2 / (8.0 * nu) for height in walls)]
             if stay and (not walls or along == AXES[config.dimensions - 1]):  # it cannot pass beside them
-                limits.append(speed_through(config, abs(a)))
-            squares += min(limits) ** 2
-    if not squares:
+                limits.append(speed_through(config, a))
+            speeds[along] += min(limits)
+            largest, by = max((largest, by), (min(limits), push), key=lambda one: one[0])
+    speed = math.hypot(*speeds.values())
+    if not speed:
         return
-    speed = math.sqrt(squares)
     mach = speed * config.time_step / config.spacing / math.sqrt(CS2)
-    name = "largest speed that the body force can make" if held else "speed that the body force makes"
-    source = "a t, or a H2/(8 nu) between walls" + ("; drag of grains, Ergun 1952" if stay else "")
+    name = f"largest speed that {by.name} can make" if held else f"speed that {by.name} makes"
+    source = f"{by.source}, or a H2/(8 nu) between walls" + ("; drag of grains, Ergun 1952" if stay else "")
     yield Derived(name, "U", speed, "m/s", source=source)
     yield judged(
         "Mach number of the driven fluid" + (", at most" if held else ""), "Ma", mach, ok=mach <= 0.25,
         legal=held or mach < 0.5, forceable=True, limit="<= 0.25" if held else "<= 0.25, < 0.5 at all",
-        source="Mansouri et al., section 3.2", key=("fluid", "body_force"),
-        cure=f"a weaker force, or relaxation_time = {slower(config, 0.24 / mach)}",
+        source="Mansouri et al., section 3.2", key=by.key,
+        cure=f"{by.cure}, or relaxation_time = {slower(config, 0.24 / mach)}",
     )  # fmt: skip
+
+
+class Push(NamedTuple):
+    """What drives a fluid: its name, the speed that it gives in words, the key, and what makes it less."""
+
+    name: str
+    source: str
+    key: Path
+    cure: str
+
+
+PUSHED = Push("the body force", "a t", ("fluid", "body_force"), "a weaker force")
+SHAKEN = Push("the shaking", "2 a/omega from rest", ("shaking", "acceleration"), "weaker shaking")
+
+
+def pushes(config: LbmDemConfig) -> Iterator[tuple[str, Push, float, float]]:
+    """Axis, kind, acceleration (m/s2) and speed (m/s) of a fluid that nothing holds, of each push.
+
+    Shaking is a sine from rest: in the frame the fluid gets a/omega (1 - cos omega t), and grains that move get it too.
+    """
+    end = config.simulation.end_time
+    for along, a in zip(AXES, config.liquid.body_force):
+        if a:
+            yield along, PUSHED, abs(a), abs(a) * end
+    if config.shaking:
+        omega = 2.0 * math.pi * config.shaking.frequency
+        share = 1.0 - math.cos(min(math.pi, omega * end))
+        for along, a in zip(AXES, config.shaking.acceleration):
+            if a:
+                yield along, SHAKEN, abs(a), share * abs(a) / omega
 
 
 def steady(config: LbmDemConfig) -> Iterator[Derived]:
