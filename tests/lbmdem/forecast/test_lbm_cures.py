@@ -1,5 +1,6 @@
 """Cures of `check` pass when they are taken, and what it says names the grain."""
 
+import numpy as np
 import pytest
 from lattice_scenes import SPHERE
 
@@ -65,3 +66,20 @@ def test_the_grain_that_cannot_start_is_named(place, name):
 )
 def test_what_moving_grains_take_of_a_closed_box_is_given_back_unless_a_case_says_otherwise(refill, sets):
     assert configure(loads(SPHERE, sets=sets)).coupling.refill == refill
+
+
+@pytest.mark.parametrize("gap, soft", [(0.94e-3, True), (0.85e-3, False)])
+def test_arrays_of_a_heap_at_rest_are_told_that_its_contacts_are_soft(tmp_path, gap, soft):
+    """What an earlier run ended with overlaps by its weight; far deeper, or placed by hand, grains fly apart."""
+    np.savez(tmp_path / "heap.npz", position=[[0.005, 0.005], [0.005 + gap, 0.005]])
+    case = f"""
+    simulation = {{ end_time = 0.1; }};
+    domain = {{ size = [0.01, 0.01]; }};
+    contact = {{ normal_stiffness = 2.0e5; }};
+    grains = ({{ diameter = 1.0e-3; start = {{ file = "{tmp_path / "heap.npz"}"; }}; }});
+    """
+    by_hand = case.split("start")[0] + f"position = ([0.005, 0.005], [{0.005 + gap}, 0.005]); }});"
+    for text, given in ((case, True), (by_hand, False)):
+        found = next(one for one in derived(configure(loads(text))) if one.name == "overlap at the start")
+        assert ("normal_stiffness = 1.2e+06 where it was made" in found.cure) == (given and soft)
+        assert ("move it" in found.cure) != (given and soft)
