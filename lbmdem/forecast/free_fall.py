@@ -13,7 +13,7 @@ from lbmdem.forecast.node_shares import grains, volume
 from lbmdem.forecast.relaxation import SPACING, key_of_tau, slower
 from lbmdem.physics.collision import COLLISIONS
 from lbmdem.physics.velocity_sets import CS2
-from lbmdem.setup.box_walls import floor_height
+from lbmdem.setup.box_walls import cover, floor_height
 
 BALANCE = 1e-3  # of the forces on a box that are left over: what is still called a balance
 FAR_BEYOND = 10.0  # times the limit of the grid Reynolds number: a bed falls slower than a grain alone, but not so much
@@ -123,7 +123,7 @@ def landing(config: LbmDemConfig, group: GrainSet) -> float:
     rigid = [0.0 if axis in config.domain.periodic else min(r, 0.5 * length) for axis, length in zip(AXES, sides)]
     lines = [np.linspace(edge, length - edge, n) for n, length, edge in zip(counts, sides, rigid)]
     points = np.stack(np.meshgrid(*lines), axis=-1)
-    height = np.full(points.shape[:-1], floor_height(config))
+    height = np.full(points.shape[:-1], max(floor_height(config), cover(config)))
     for other in config.grains:
         sizes = None if other.moving else other.own_diameters
         if sizes is None:

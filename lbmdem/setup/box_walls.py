@@ -1,7 +1,10 @@
 """The plane walls that the grains of a scene meet."""
 
+import itertools
+
 import numpy as np
 
+from hpcpic.core.space.products import product
 from lbmdem.case.config import AXES, LbmDemConfig
 from lbmdem.physics.contact_law import PlaneWall
 from lbmdem.setup.scene import Scene
@@ -21,12 +24,27 @@ def box_walls(scene: Scene) -> list[PlaneWall]:
         for side, place, way in (("-", floor, 1.0), ("+", size[axis], -1.0)):
             point, normal = np.zeros(d), np.zeros(d)
             point[axis], normal[axis] = place, way
-            walls.append(PlaneWall(tuple(point), tuple(normal), speeds.get(name + side, ())))
+            walls.append(PlaneWall(tuple(point), tuple(normal), speeds.get(name + side, ()), film=way < 0.0 or not floor))
     planes = [(obstacle.shape.plane, obstacle.velocity) for obstacle in scene.config.obstacle]
     return walls + [PlaneWall(plane.point, plane.normal, velocity) for plane, velocity in planes if plane is not None]
 
 
 def floor_height(config: LbmDemConfig) -> float:
-    """Where grains end below along the last axis (m): a screen under a sample, through which the fluid passes."""
+    """Where grains end below along the last axis (m): a screen under a sample, through which the fluid passes; 0 where
+    planes among the obstacles keep all grains above it.
+    """
     samples = [grains.packing.low for grains in config.grains if grains.packing and grains.moving]
-    return max(0.0, min(samples)) if samples and len(samples) == len(config.grains) else 0.0
+    low = max(0.0, min(samples)) if samples and len(samples) == len(config.grains) else 0.0
+    return 0.0 if cover(config) >= low * (1.0 - 1e-9) else low
+
+
+def cover(config: LbmDemConfig) -> float:
+    """Height along the last axis (m) that planes among the obstacles let no grain get below, wherever it is."""
+    corners = np.array(list(itertools.product(*((0.0, length) for length in config.domain.size[:-1]))))
+    highest = 0.0
+    for plane in (obstacle.shape.plane for obstacle in config.obstacle):
+        if plane is not None and plane.normal[-1] > 0.0:
+            slopes = np.array(plane.normal[:-1]) / plane.normal[-1]
+            heights = plane.point[-1] - product(corners - np.array(plane.point[:-1]), slopes)
+            highest = max(highest, float(heights.min()))
+    return highest

@@ -146,7 +146,7 @@ def wall_pairs(part, wall_cuts, contacts, rows, walls, law, film, dt):
         a, b = gather_lines(F, 4, base, at_i), gather_lines(F, 4, planes, at_j)
         n = gather_lines(F, 4, planes + 64, at_j)
         gap = fma(a[2] - b[2], n[2], fma(a[1] - b[1], n[1], (a[0] - b[0]) * n[0])) - a[3]
-        touch, near = gap < 0.0, gap < film.cut_off
+        touch, near = gap < 0.0, gap < film.cut_off * (1.0 - b[3])
         if bitmask(near) == 0:
             clear(contacts, p, law)
             continue

@@ -58,6 +58,8 @@ def fastest(contacts, n_slots, n_grain_slots, rows, walls, box, film, time):
                 distance += d[c] * d[c]
             distance = np.sqrt(distance)
             gap = distance - a[3] - b[3]
+        elif b[3] == 1.0:  # a plane without films
+            continue
         else:
             for c in range(3):
                 distance += (a[c] - b[c]) * b[8 + c]
