@@ -48,6 +48,10 @@ class Diagnostics:
         self._immersed, self._grains = immersed, grains
         self._axes = AXES[: scene.dimensions]
         self._bodies = [*scene.set_names, *(obstacle.name for obstacle in scene.config.obstacle)]
+        planes = [obstacle.name for obstacle in scene.config.obstacle if obstacle.shape.plane is not None]
+        # planes of obstacles are the last walls that grains meet (setup.box_walls)
+        first = len(grains.dem.walls) - len(planes) if grains else 0
+        self._met = {name: first + k for k, name in enumerate(planes)} if grains and fluid else {}
         self._flow = fluid
         self._warned: set[str] = set()
         self.overlap = 0.0
@@ -73,6 +77,7 @@ class Diagnostics:
         units |= {"link_fallbacks": ""} if self._immersed else {}
         if self.fluid:
             units |= {f"force_{name}_{axis}": f"N{per}" for name in self._bodies for axis in self._axes}
+        units |= {f"contact_{name}_{axis}": f"N{per}" for name in self._met for axis in self._axes}
         if self._grains:
             units |= {"contact_count": "", "energy_kinetic_grains": f"J{per}", "overlap": ""}
             units |= {"least_film": ""} if self._grains.has_films else {}
@@ -127,11 +132,14 @@ class Diagnostics:
         return values
 
     def _of_grains(self, grains: DrivenGrains, step: int) -> dict[str, float]:
-        """Contacts, kinetic energy, films, and stresses in the control slices."""
+        """Contacts, what they and films press on obstacles, kinetic energy, and stresses in the control slices."""
         dem = grains.dem
         self.overlap = contact_network.greatest_overlap(dem)
         values = {"contact_count": float(contact_network.contact_count(dem)), "overlap": self.overlap}
         values["energy_kinetic_grains"] = contact_network.kinetic_energy(dem)
+        for name, wall in self._met.items():
+            force = contact_network.wall_force(dem, wall)
+            values |= {f"contact_{name}_{axis}": float(f) for axis, f in zip(self._axes, force)}
         if grains.has_films:
             values["least_film"] = grains.least_film
             text = f"a film had {grains.worst_film:.1%} of its resistance, all that is stable with so few substeps"

@@ -120,7 +120,7 @@ def momentum(dem: Dem) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def wall_force(dem: Dem, wall: int) -> NDArray[np.float64]:
-    """Collective: force (3 values, N) of the grains on a wall."""
+    """Collective: force (3 values, N) of the grains on a wall, by contacts and films."""
     pairs = dem.list
     here = np.arange(pairs.n_slots) >= pairs.n_grain_slots
     here &= (pairs.high == wall) & (pairs.low < dem.grains.n)
