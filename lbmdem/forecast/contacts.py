@@ -156,8 +156,8 @@ def overlap_at_start(config: LbmDemConfig) -> Iterator[Derived]:
         flies += "find places without overlap"
         if deep[2] == "start" and deepest < 0.1:  # arrays are mostly what an earlier run ended with
             stiffer = rounded_up(config.contact.normal_stiffness * deepest / 0.01)
-            flies = f"a heap that rests so has soft contacts: normal_stiffness = {stiffer:g} where it was made gives 1 %; "
-            flies += "grains that do not rest fly apart"
+            flies = f"a heap that rests so has soft contacts: normal_stiffness = {stiffer:g} where it was made gives "
+            flies += "1 %; grains that do not rest fly apart"
         yield overlap("overlap at the start", deepest, "linear contacts", f"{dotted(deep)}: {flies}", deep)
 
 

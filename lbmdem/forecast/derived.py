@@ -9,13 +9,7 @@ import numpy as np
 from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived, judged, rounded_down
 from hpcpic.core.files.start import arrays
-from lbmdem.case.config import (
-    AXES,
-    Diameters,
-    GrainSet,
-    LbmDemConfig,
-    whole_spacing,
-)
+from lbmdem.case.config import AXES, Diameters, GrainSet, LbmDemConfig, whole_spacing
 from lbmdem.forecast.contacts import contacts, overlap_at_start
 from lbmdem.forecast.driven import driven, steady
 from lbmdem.forecast.free_fall import OTHER_COLLISION, falling, unheld
@@ -25,7 +19,7 @@ from lbmdem.forecast.relaxation import SPACING, key_of_tau, relaxation, slower
 from lbmdem.physics.collision import COLLISIONS
 from lbmdem.physics.velocity_sets import CS2, LATTICES
 from lbmdem.physics.wall_rules import RULES, impedance
-from lbmdem.setup.overlap_survey import SAMPLE, law_diameters, law_volume, packed_space
+from lbmdem.setup.overlap_survey import SAMPLE, law_diameters, law_volume, packed_space, packing_ends
 
 MOST_PLACES, PADDING = 1 << 31, 32  # of nodes in a slab, and of a row or a line of nodes beside its own
 DENSEST_VOID = {2: 0.093, 3: 0.26}  # void fraction of equal discs and spheres in their densest order
@@ -274,19 +268,21 @@ def fits(config: LbmDemConfig) -> Iterator[Derived]:
 
 def packings(config: LbmDemConfig) -> Iterator[Derived]:
     """How high each reaches, and how dense it is, or where its grains begin to fall."""
-    d, top = config.dimensions, config.domain.size[-1]
+    d = config.dimensions
     for i, group in enumerate(config.grains):
         if group.packing is None:
             continue
-        law, low, wanted = group.law, group.packing.low, group.packing.high
+        law, wanted, (ends, tops) = group.law, group.packing.high, packing_ends(config, group)
+        low, top, sides = ends[-1], tops[-1], [b - a for a, b in zip(ends[:-1], tops)]
         solid = law_volume(law, d)
         high = packed_space(config, group, solid)
         height = max(high - low, math.ulp(high))
-        void = 1.0 - solid / (math.prod(config.domain.size[:-1]) * height)
+        void = 1.0 - solid / (math.prod(sides) * height)
         key: Path = ("grains", i, "packing") if group.packing.porosity is None else ("grains", i, "packing", "porosity")
         least, source, cure = DENSEST_VOID[d], "densest of equal grains", "fewer grains, or more space for them"
         if group.packing.porosity is not None:
-            least, source = least_porosity(config, law, height), "grains that grow without friction until they touch"
+            least = least_porosity(config, law, (*sides, height))
+            source = "grains that grow without friction until they touch"
             cure = f"porosity = {least + (0.01 if d == 3 else 0.02):.2f} or more has a place for all"
         yield judged(
             f"void fraction of {group.name}", "n", void, ok=void >= least, limit=f">= {least:.3g}", source=source,
@@ -295,9 +291,10 @@ def packings(config: LbmDemConfig) -> Iterator[Derived]:
         if group.packing.porosity is None:
             continue
         as_said = wanted is None or abs(high - wanted) <= 1e-3 * (high - low)
-        limit = f"<= {top:g}, the top of the box" if as_said else f"{wanted:g}, as packing.high says"
+        above = "the top of the box" if top == config.domain.size[-1] else "where a plane is"
+        limit = f"<= {top:g}, {above}" if as_said else f"{wanted:g}, as packing.high says"
         cure = "change its count or porosity" + ("" if as_said else ", or leave high out")
-        full = solid / math.prod(config.domain.size[:-1])  # the height of its grains without a gap
+        full = solid / math.prod(sides)  # the height of its grains without a gap
         fitting = math.floor(1000.0 * (1.0 - full / (top - low))) / 1000.0 if top > low else 0.0
         if as_said and fitting >= least:
             cure = f"porosity = {fitting:g} has room for its {law.count} grains, or take fewer"
@@ -305,7 +302,7 @@ def packings(config: LbmDemConfig) -> Iterator[Derived]:
         yield judged(f"top of {group.name}", "z", high, unit="m", ok=ok, limit=limit, cure=cure, key=key)
 
 
-def least_porosity(config: LbmDemConfig, law: Diameters, height: float) -> float:
+def least_porosity(config: LbmDemConfig, law: Diameters, lengths: tuple[float, ...]) -> float:
     """Below it no packing of grains has been found whose overlaps are less than 1 % of a diameter.
 
     Measured with 200 spheres of largest over smallest diameter 1, 2 and 3, in periodic boxes, between plates and in
@@ -314,7 +311,6 @@ def least_porosity(config: LbmDemConfig, law: Diameters, height: float) -> float
     """
     dimensions = config.dimensions
     d = law_diameters(min(law.count, SAMPLE), law.min, law.max, law.a, law.b, dimensions)
-    lengths = (*config.domain.size[:-1], height)
     sides = sum(1.0 / length for axis, length in zip(AXES, lengths) if axis not in config.domain.periodic)
     mean = float(d.mean())
     spread, walls = float(d.var()) / mean**2, mean * sides

@@ -20,19 +20,21 @@ from hpcpic.core.errors import ConfigError
 from hpcpic.core.physics.contact_law import SHEAR_RATIO, ContactLaw
 from hpcpic.core.simd.caches import Store
 from hpcpic.core.space.domain import Domain
+from hpcpic.core.space.products import product
 from hpcpic.core.space.rng import uniforms
 from hpcpic.core.tasks.graph import Pool
 from lbmdem.case.config import GrainSet, LbmDemConfig, contact_law
 from lbmdem.grains.contact_network import energies, greatest_overlap, wall_force
 from lbmdem.grains.dem import Dem
 from lbmdem.physics.contact_law import PlaneWall, stable_step
-from lbmdem.setup.overlap_survey import law_diameters, packed_space, solid_volume
+from lbmdem.setup.overlap_survey import law_diameters, packed_space, packing_ends, solid_volume
 
 log = logging.getLogger("hpcpic.lbmdem")
 
 VERSION = 2  # of the method: another one makes other packings
 PLACES, SIZES = 11, 12  # streams of random numbers
 START = 0.3  # of the final radii
+TURNS = 1000  # in which grains that a place at random puts behind a plane get another
 GROWTH, RELAXATION, STAGE = 300, 1500, 20  # stages of growth, at most of relaxation, steps in a stage
 CALMING = 0.2  # alpha of grains that settle, at least: without a dashpot they ring for ever
 TOUCHING, TOO_DEEP = 1e-3, 1e-2  # overlap / diameter that is accepted, and that is refused
@@ -43,6 +45,7 @@ class Sample:
     """Where grains go: between low and high (m) along the last axis, rigid there and at sides that are not periodic.
 
     gravity 0: grown in this space until the radii are right. Else, after that, settled with the law of contacts.
+    planes: further ones, before which grains go; area: what those across an axis leave across the last one, m2.
     """
 
     radius: NDArray[np.float64]
@@ -52,6 +55,8 @@ class Sample:
     density: float = 1.0
     gravity: float = 0.0
     law: ContactLaw | None = None
+    planes: tuple[PlaneWall, ...] = ()
+    area: float = 0.0
 
 
 def beta_diameters(
@@ -81,9 +86,9 @@ def _columns(sample: Sample, x: NDArray) -> dict[str, NDArray]:
 
 
 def _walls(domain: Domain, sample: Sample) -> list[PlaneWall]:
-    """Rigid sides of the sample's space."""
+    """Planes, and rigid sides of the sample's space; those of the last axis are the last ones."""
     d = domain.ndim
-    walls = []
+    walls = list(sample.planes)
     for axis in range(d):
         if domain.periodic[d - 1 - axis]:
             continue
@@ -98,9 +103,23 @@ def _scatter(domain: Domain, sample: Sample) -> NDArray[np.float64]:
     d = domain.ndim
     low, high = np.zeros(d), np.array(domain.lengths[::-1])
     low[-1], high[-1] = sample.low, sample.high
-    u = uniforms(sample.seed, PLACES, np.arange(len(sample.radius)), d)
+    n = len(sample.radius)
     rigid = ~np.array(domain.periodic[::-1]) * START * sample.radius[:, None]
-    return low + rigid + u * (high - low - 2.0 * rigid)
+
+    def places(rows: NDArray, turn: int) -> NDArray[np.float64]:
+        u = uniforms(sample.seed, PLACES, rows + turn * n, d)
+        return low + rigid[rows] + u * (high - low - 2.0 * rigid[rows])
+
+    x = places(np.arange(n), 0)
+    for turn in range(1, TURNS):
+        gap = np.full(n, np.inf)
+        for plane in sample.planes:
+            gap = np.minimum(gap, product(x - plane.point, np.array(plane.normal) / math.hypot(*plane.normal)))
+        behind = np.flatnonzero(gap < START * sample.radius)
+        if not behind.size:
+            return x
+        x[behind] = places(behind, turn)
+    raise ConfigError("a packing has too little space before the planes among the obstacles")
 
 
 def grow(world: World, pool: Pool, domain: Domain, sample: Sample) -> NDArray[np.float64]:
@@ -173,7 +192,7 @@ def everywhere(dem: Dem) -> NDArray[np.float64]:
 def porosity_of(domain: Domain, sample: Sample) -> float:
     """Share of the sample's space that is empty."""
     d = domain.ndim
-    space = float(np.prod(domain.lengths[1:])) * (sample.high - sample.low)
+    space = (sample.area or float(np.prod(domain.lengths[1:]))) * (sample.high - sample.low)
     return 1.0 - solid_volume(sample.radius, d) / space
 
 
@@ -230,6 +249,8 @@ def pack(world: World, pool: Pool, domain: Domain, sample: Sample) -> NDArray[np
         "gravity": sample.gravity,
         "law": None if sample.law is None else list(sample.law),
     }
+    if sample.planes:  # others keep the names under which they are kept
+        facts["planes"] = [[*plane.point, *plane.normal] for plane in sample.planes]
 
     def made() -> NDArray[np.float64]:
         log.info("packing %d grains", len(sample.radius))
@@ -256,7 +277,8 @@ def make(
     assert grains.packing is not None and grains.diameters is not None
     d, law, seed = domain.ndim, grains.diameters, config.simulation.random_seed
     radius = 0.5 * beta_diameters(law.count, law.min, law.max, law.a, law.b, seed, d)
-    low, top, porosity = grains.packing.low, domain.lengths[0], grains.packing.porosity
+    (ends, tops), porosity = packing_ends(config, grains), grains.packing.porosity
+    low, top = ends[-1], tops[-1]
     high = packed_space(config, grains, solid_volume(radius, d))
     wanted = grains.packing.high
     if porosity is not None and wanted is not None and abs(high - wanted) > 1e-3 * (high - low):
@@ -265,8 +287,11 @@ def make(
             "leave high out, or change count or porosity"
         )
     if high > top * (1.0 + 1e-12):
-        raise ConfigError(f"the packing reaches up to {high:.6g} m: the box ends at {top:g} m")
-    sample = Sample(radius, low, min(high, top), seed, grains.density)
+        raise ConfigError(f"the packing reaches up to {high:.6g} m: its space ends at {top:g} m")
+    given = [obstacle.shape.plane for obstacle in config.obstacle if obstacle.shape.plane is not None]
+    planes = tuple(PlaneWall(plane.point, plane.normal) for plane in given if any(plane.normal[:-1]))
+    area = math.prod(b - a for a, b in zip(ends[:-1], tops))
+    sample = Sample(radius, low, min(high, top), seed, grains.density, planes=planes, area=area)
     if porosity is None:
         down = abs(config.gravity[-1]) or 9.81
         if config.fluid and config.liquid.density != grains.density:  # they rest under their weight less buoyancy

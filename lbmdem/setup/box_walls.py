@@ -24,7 +24,8 @@ def box_walls(scene: Scene) -> list[PlaneWall]:
         for side, place, way in (("-", floor, 1.0), ("+", size[axis], -1.0)):
             point, normal = np.zeros(d), np.zeros(d)
             point[axis], normal[axis] = place, way
-            walls.append(PlaneWall(tuple(point), tuple(normal), speeds.get(name + side, ()), film=way < 0.0 or not floor))
+            speed, screen = speeds.get(name + side, ()), side == "-" and floor > 0.0
+            walls.append(PlaneWall(tuple(point), tuple(normal), speed, film=not screen))
     planes = [(obstacle.shape.plane, obstacle.velocity) for obstacle in scene.config.obstacle]
     return walls + [PlaneWall(plane.point, plane.normal, velocity) for plane, velocity in planes if plane is not None]
 

@@ -13,6 +13,7 @@ from lbmdem.case.boundaries import Obstacle
 from lbmdem.case.config import AXES, GrainSet, LbmDemConfig, whole, whole_spacing
 from lbmdem.physics import wall_rules
 from lbmdem.physics.wall_rules import RULES
+from lbmdem.setup.overlap_survey import packing_ends
 
 
 def faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:
@@ -181,12 +182,19 @@ def name_faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:
 def packing_faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:
     """Packings that have no space in the box, or that are made in the space of another one."""
     spaces: list[tuple[float, float]] = []
+    planes = [plane for plane in (obstacle.shape.plane for obstacle in config.obstacle) if plane is not None]
+    vectors = [config.domain.size, *(vector for plane in planes for vector in (plane.point, plane.normal))]
+    sound = all(len(vector) == config.dimensions for vector in vectors)
     for i, packing in enumerate(grains.packing for grains in config.grains):
         if packing is None:
             continue
         low, high = packing.low, packing.low if packing.high is None else packing.high
         if not 0.0 <= low < config.domain.size[-1]:
             yield ("grains", i, "packing", "low"), "must lie in the box"
+        elif sound:
+            ends, tops = packing_ends(config, config.grains[i])
+            if any(end >= top for end, top in zip(ends, tops)):
+                yield ("grains", i, "packing"), "has no space between the planes among the obstacles"
         if packing.high is not None and not high > low:
             yield ("grains", i, "packing", "high"), f"must be above low ({low:g} m)"
         if any(low <= other[1] and other[0] <= high for other in spaces):

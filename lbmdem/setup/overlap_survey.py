@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from hpcpic.core.case.config import Path
 from hpcpic.core.space.products import product
 from lbmdem.case.config import Diameters, GrainSet, LbmDemConfig
+from lbmdem.setup.box_walls import cover
 
 LOOSE, LAYERS = 0.5, 3.0  # porosity from which grains fall, and least height of their space, largest diameters
 SAMPLE = 1 << 17  # grains whose diameters are looked at one by one before a run: their mean volume is within 1e-5
@@ -126,8 +127,27 @@ def packed_space(config: LbmDemConfig, grains: GrainSet, solid: float) -> float:
     """Upper end (m) of the space that a packing of grains of this volume fills, or from which it falls."""
     packing, law = grains.packing, grains.diameters
     assert packing is not None and law is not None
-    area = math.prod(config.domain.size[:-1])
-    high = packing.low + solid / (1.0 - (packing.porosity or LOOSE)) / area
+    ends, tops = packing_ends(config, grains)
+    area = math.prod(top - end for end, top in zip(ends[:-1], tops))
+    high = ends[-1] + solid / (1.0 - (packing.porosity or LOOSE)) / area
     if packing.porosity is None:
-        high = min(max(high, packing.low + LAYERS * law.max), packing.high or config.domain.size[-1])
+        high = min(max(high, ends[-1] + LAYERS * law.max), packing.high or tops[-1], tops[-1])
     return high
+
+
+def packing_ends(config: LbmDemConfig, grains: GrainSet) -> tuple[list[float], list[float]]:
+    """Lower and upper ends (m) along each axis of what the box, planes across an axis and `low` leave to a packing; no
+    lower than a slanted floor gets anywhere.
+    """
+    assert grains.packing is not None
+    ends, tops = [0.0] * config.dimensions, list(config.domain.size)
+    ends[-1] = max(grains.packing.low, cover(config))
+    for plane in (obstacle.shape.plane for obstacle in config.obstacle):
+        across = [k for k, part in enumerate(plane.normal) if part] if plane is not None else []
+        if plane is not None and len(across) == 1:
+            k = across[0]
+            if plane.normal[k] > 0.0:
+                ends[k] = max(ends[k], plane.point[k])
+            else:
+                tops[k] = min(tops[k], plane.point[k])
+    return ends, tops
