@@ -51,7 +51,7 @@ class Diagnostics:
         planes = [obstacle.name for obstacle in scene.config.obstacle if obstacle.shape.plane is not None]
         # planes of obstacles are the last walls that grains meet (setup.box_walls)
         first = len(grains.dem.walls) - len(planes) if grains else 0
-        self._met = {name: first + k for k, name in enumerate(planes)} if grains and fluid else {}
+        self._met = {name: first + k for k, name in enumerate(planes)} if grains else {}
         self._flow = fluid
         self._warned: set[str] = set()
         self.overlap = 0.0

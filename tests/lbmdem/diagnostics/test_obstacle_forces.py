@@ -56,3 +56,18 @@ def test_a_plane_bears_the_weight_of_a_grain_that_lies_on_it(world, d):
     last = "xyz"[d - 1]
     total = found[f"contact_floor_{last}"]
     assert total == pytest.approx(-weight, rel=0.02) and abs(found["contact_floor_x"]) < 1e-3 * weight
+
+
+def test_a_plane_bears_dry_grains_too(world):
+    case = """
+    simulation = { dimensions = 3; end_time = 1.0; time_step = 1.0e-5; };
+    domain = { size = [2.4e-3, 2.4e-3, 2.4e-3]; };
+    obstacle = ({ name = "floor"; shape = { plane = { point = [0.0, 0.0, 3.0e-4]; normal = [0.0, 0.0, 1.0]; }; }; });
+    grains = ({ diameter = 1.0e-3; density = 2000.0; position = [1.2e-3, 1.2e-3, 7.975e-4]; });
+    gravity = [0.0, 0.0, -9.81];
+    contact = { normal_stiffness = 2.0; damping = 0.8; };
+    """
+    with running(world, "lbmdem", case) as app:
+        while app.iteration < 20000:
+            app.advance(20000 - app.iteration)
+        assert app.scalars()["contact_floor_z"] == pytest.approx(-float(app.table.mass[0]) * 9.81, rel=1e-3)
