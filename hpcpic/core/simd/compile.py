@@ -9,6 +9,7 @@ import functools
 import gc
 import hashlib
 import importlib
+import io
 import linecache
 import os
 import pickle
@@ -26,7 +27,9 @@ from numba import types
 from numba.core import event
 from numba.core.caching import FunctionCache
 from numba.core.compiler import CompileResult
+from numba.core.environment import Environment
 from numba.core.registry import cpu_target
+from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
 from numba.extending import register_jitable
 
@@ -51,6 +54,7 @@ class Compilations(event.Listener):
 
     def on_start(self, _event: event.Event) -> None:
         if not self.n:
+            _import_without_blas()
             gc.freeze()  # collections while numba compiles need not look at what was imported: 4 % of the time
         self.n += 1
 
@@ -115,6 +119,25 @@ class Elsewhere(Exception):
     """A function is not kept, and it is not for this process to compile it now."""
 
 
+class _Unpickler(pickle.Unpickler):
+    """Reads what is kept, without the imports of modules of numba that only its object mode would look into."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        if (module, name) == ("numba.core.environment", "_rebuild_env"):
+            return _environment
+        return super().find_class(module, name)
+
+
+def _environment(module: str, constants: list, name: str) -> Environment:
+    """numba's `_rebuild_env`, with no globals: compiled code has those that it uses in it."""
+    made = Environment._memo.get(name)
+    if made is None:
+        made = Environment._memo[name] = Environment({"__name__": module})
+        made.consts[:] = constants
+        made.env_name = name
+    return made
+
+
 class KernelCache(FunctionCache):
     """The cache of one function: numba's interface and key, and a file of our own for each signature.
 
@@ -151,7 +174,7 @@ class KernelCache(FunctionCache):
         return f"{self._py_func.__name__}-{digest.hexdigest()[:32]}.kernel"
 
     def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
-        target_context.refresh()
+        rtsys.initialize(target_context)  # numba's refresh would import all that it compiles with: a fifth of a start
         patience, self.patience = self.patience, PATIENCE_SECONDS
         key = self._index_key(sig, target_context.codegen())
         name, until = self._name(key), time.monotonic() + patience
@@ -178,7 +201,7 @@ class KernelCache(FunctionCache):
         if content is None:
             return None
         try:
-            found, parts = pickle.loads(content)
+            found, parts = _Unpickler(io.BytesIO(content)).load()
             return CompileResult._rebuild(target_context, *parts) if found == key else None
         except Exception as error:  # whatever unpickling raises
             self._store.damaged(repr(error))
@@ -216,7 +239,6 @@ def _import_without_blas() -> None:
         del sys.modules["scipy.linalg"]
 
 
-_import_without_blas()
 remember()
 
 
