@@ -208,6 +208,7 @@ def program(app_loader: AppLoader, name: str, title: str) -> None:
     the interpreter apart, which the system does as well, costs half a second.
     """
     steady_streams()
+    gc.set_threshold(50_000)  # new objects: imports make hundreds of thousands that stay
     try:
         build(app_loader, name, title)()
     except SystemExit as end:
