@@ -10,7 +10,7 @@ from sph.kernels import readings
 from sph.particles.storage import Slots, Storage
 from sph.particles.walls import Walls
 from sph.setup.scene import Wall
-from sph.setup.tanks import depth_in_wall, greatest_depth, sides
+from sph.setup.tanks import greatest_depth, lost_in, sides
 
 UNKNOWN, SAFE, NEAR = 0, 1, 2  # of a cell: not asked yet; nobody in it is behind the wall; somebody in it may be
 MOST_CELLS = 1 << 26  # bytes of address space; of a wall with more the cells are larger
@@ -73,7 +73,7 @@ class LeakFinder:
             if not len(near):
                 continue
             x = storage.physical("x", near)
-            lost = np.flatnonzero(depth_in_wall(wall, self.walls.at_rest(wall, x)) > scene.spacing)
+            lost = np.flatnonzero(lost_in(wall, self.walls.at_rest(wall, x)))
             if len(lost):
                 place = ", ".join(f"{value:.4g}" for value in x[lost[0]])
                 one = f"particle {storage.number(near[lost[0]])} at ({place}) m"

@@ -48,32 +48,41 @@ def behind(wall: Tank, x: NDArray) -> NDArray[np.float64]:
     return np.max(faces, axis=1, initial=-np.inf)
 
 
-def depth_in(wall: Tank, x: NDArray) -> NDArray[np.float64]:
+def depth_in(wall: Tank, x: NDArray, skin: float = 0.0) -> NDArray[np.float64]:
     """How deep points lie in what a tank is made of, m; negative inside of it, and outside where fluid can come to over
-    the edges of faces that are left out. A wall is as thick as its particles; one without edges is so without end.
+    the edges of faces that are left out, in a skin of so many m as well. A wall is as thick as its particles; one
+    without edges is so without end.
     """
     depth = behind(wall, x)
     if not rims(wall):
         return depth
     over = np.max(beyond(wall, x, rims(wall)), axis=1)
-    thick = wall.layers * wall.scene.spacing
+    thick = wall.layers * wall.scene.spacing - skin
     return np.where(depth <= thick, np.minimum(depth, -over), -np.inf)
 
 
-def depth_in_solid(wall: Tank, x: NDArray) -> NDArray[np.float64]:
+def depth_in_solid(wall: Tank, x: NDArray, skin: float = 0.0) -> NDArray[np.float64]:
     """How deep points lie in a solid, m, as in `behind`; negative outside. A box of which faces are left out is as
-    thick as its particles: fluid can come into its hollow over the edges.
+    thick as its particles: fluid can come into its hollow over the edges, and into a skin of so many m around it.
     """
     depth, box = greatest_depth(wall, x), wall.shape.box
     if not box or not box.open:
         return depth
-    thick = wall.layers * wall.scene.spacing
+    thick = wall.layers * wall.scene.spacing - skin
     return np.where(np.max(beyond(wall, x, wall.closed), axis=1, initial=-np.inf) >= -thick, depth, -np.inf)
 
 
-def depth_in_wall(wall: Tank, x: NDArray) -> NDArray[np.float64]:
-    """How deep points lie in a wall of any kind, m; negative outside."""
-    return (depth_in_solid if wall.section.solid or wall.shape.plane else depth_in)(wall, x)
+def depth_in_wall(wall: Tank, x: NDArray, skin: float = 0.0) -> NDArray[np.float64]:
+    """How deep points lie in a wall of any kind, m; negative outside, and in a skin behind walls with edges."""
+    return (depth_in_solid if wall.section.solid or wall.shape.plane else depth_in)(wall, x, skin)
+
+
+def lost_in(wall: Tank, x: NDArray) -> NDArray[np.bool_]:
+    """Which points lie more than a spacing deep in a wall. So near its outer side fluid may also be that has gone over
+    its edge and struck it from there; a wall of two layers keeps half a spacing between both.
+    """
+    dp = wall.scene.spacing
+    return depth_in_wall(wall, x, min(1.0, (wall.layers - 1) / 2) * dp) > dp
 
 
 def greatest_depth(wall: Tank, x: NDArray) -> NDArray[np.float64]:

@@ -14,7 +14,7 @@ from sph.particles.walls import Walls
 from sph.setup.pair_numbers import pair_spec_of
 from sph.setup.rigid.mass import rotation
 from sph.setup.scene import Scene
-from sph.setup.tanks import depth_in_wall
+from sph.setup.tanks import depth_in_wall, lost_in
 
 SWINGS = "motion = { amplitude = [0.1, 0.07, 0.0]; period = 1.0; };"
 WALLS = {
@@ -44,7 +44,7 @@ def thrown(leaks, seed, reach=0.4):
     x = np.random.default_rng(seed).uniform(-reach, 1.0 + reach, (storage.n, scene.dimensions))
     storage.x[:, storage.own_slots] = (x - scene.low)[:, list(scene.axes)].T
     return [
-        storage.own_slots[depth_in_wall(wall, walls.at_rest(wall, storage.physical("x"))) > scene.spacing]
+        storage.own_slots[lost_in(wall, walls.at_rest(wall, storage.physical("x")))]
         for wall in scene.walls
     ]
 

@@ -194,9 +194,22 @@ def test_a_leak_is_seen_though_fluid_may_be_outside(look):
     assert "went through wall_1" in sph.guard()
 
 
+@pytest.mark.parametrize("below, told", [(0.075, "went through wall_1"), (0.11, None), (0.15, None), (0.04, None)])
+def test_a_drop_that_strikes_a_tank_from_outside_has_not_gone_through_it(below, told):
+    """Three layers of 0.05 m: a drop that had gone over the rim of a tank ended a run of hours at its outer side."""
+    sph = leaving("overflow")
+    one = sph.storage.fluid_slots[5]
+    for axis, physical in enumerate(sph.scene.axes):
+        sph.storage.x[axis, one] = (0.25, -below)[physical]
+    sph.sort()
+    found = sph.guard()
+    assert found is None if told is None else told in found
+
+
 @pytest.mark.parametrize("place, told", [
     ((0.8, 0.7), None), ((0.8, 0.3), None),  # far from its sides: it has come in from above
-    ((0.6, 0.3), "went through wall_1"), ((0.52, 0.3), None),  # in what its side is made of; hardly in it
+    ((0.57, 0.3), "went through wall_1"), ((0.52, 0.3), None),  # in what its side is made of; hardly in it
+    ((0.64, 0.3), None),  # hardly in it from the hollow
 ])  # fmt: skip
 def test_a_drop_that_falls_into_a_hollow_column_has_not_gone_through_it(place, told):
     column = """{ solid = true; shape = { box = { low = [0.5, 0.0]; high = [1.1, 0.8]; open = ["y-", "y+"]; }; }; }"""
