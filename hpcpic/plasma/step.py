@@ -135,13 +135,14 @@ class Plasma:
         """Rewind phase (9.2.1): v^0 -> v^(-1/2) with the field of x^0."""
         self.iteration = -1
         self.solve()
-        self.cloud.rewind(self.scene.mover(self.field_scale, steps=-0.5))
         self._drive(0.0, -0.5)
+        self.cloud.rewind(self.scene.mover(self.field_scale, steps=-0.5))
 
     def _drive(self, time: float, steps: float) -> None:
-        """v += a dt for so many steps, of accelerations of the user's own."""
+        """The impulse of accelerations of the user's own for so many steps, before the mover turns it."""
         if self._drives:
-            self.cloud.arena["moment"][:] = time, self.time_step, steps
+            before = np.array([species.before_turn(steps) for species in self.scene.species])
+            self.cloud.arena["moment"][:] = np.concatenate([[time, self.time_step], before.ravel()])
             self.cloud.each(self._drives)
 
     def solve(self) -> None:

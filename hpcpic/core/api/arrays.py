@@ -52,9 +52,12 @@ def histogram(name: str, read: Histogram) -> xarray.DataArray:
 
 
 def particles(
-    columns: Mapping[str, NDArray], units: Mapping[str, str], attributes: Mapping[str, Any]
-) -> xarray.Dataset:
-    """columns[name][n, ...], one of them `id`, by which particles are named; vectors have the axes x, y, z."""
+    columns: Mapping[str, NDArray], units: Mapping[str, str], offsets: Mapping[str, float],
+    attributes: Mapping[str, Any],
+) -> xarray.Dataset:  # fmt: skip
+    """columns[name][n, ...], one of them `id`, by which particles are named; vectors have the axes x, y, z. offsets:
+    s by which a column is of a later time than the others, where it is.
+    """
     import xarray
 
     variables: dict[str, Any] = {}
@@ -63,7 +66,8 @@ def particles(
             continue
         dims = ["particle", *([VECTOR] if values.ndim == 2 and values.shape[1] <= len(AXES) else ())]
         dims += [f"{name}_{k}" for k in range(len(dims), values.ndim)]
-        variables[name] = (dims, values, {"units": units.get(name, "")})
+        late = {"time_offset": offsets[name]} if offsets.get(name) else {}
+        variables[name] = (dims, values, {"units": units.get(name, ""), **late})
     coordinates: dict[str, Any] = {"particle": columns["id"]}
     if any(VECTOR in dims for dims, *_ in variables.values()):
         widest = max(values.shape[1] for dims, values, _ in variables.values() if VECTOR in dims)

@@ -108,8 +108,8 @@ class Run:
         if name is None:
             raise ConfigError(f"particles: name one of {', '.join(snapshots.species) or 'none'}")
         index = _index(snapshots, step, time)
-        units = {"position": "m", **snapshots.units}
-        return arrays.particles(snapshots.read(name, index), units, self._attributes(snapshots, index))
+        units, attributes = {"position": "m", **snapshots.units}, self._attributes(snapshots, index)
+        return arrays.particles(snapshots.read(name, index), units, snapshots.time_offsets, attributes)
 
     def histogram(self, name: str) -> xarray.DataArray:
         """A histogram of the case as a density over `time` [s] and the middles of its bins; its integral over all axes

@@ -266,7 +266,7 @@ class Simulation:
         order = np.argsort(whole["id"], kind="stable")
         units = {"position": "m", **own.units}
         kept = {key: _kept(values[order]) for key, values in whole.items()}
-        return arrays.particles(kept, units, self._attributes())
+        return arrays.particles(kept, units, own.time_offsets, self._attributes())
 
     def _attributes(self, **more: str) -> dict[str, Any]:
         return {"time": self.time, "step": self.iteration, **more}

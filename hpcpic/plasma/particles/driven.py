@@ -17,8 +17,8 @@ def driven_kernel(acceleration: Callable, species: int, d: int, spacing: tuple[f
 
     @njit(cache=False)
     def driven(first, last, grid, pages, moment):
-        """v += a(x, v, t) dt^2 / spacing in cells per step; moment = (t, time step, share of it to go)."""
-        t, dt, share = moment[0], moment[1], moment[2]
+        """v += M a(x, v, t) dt^2 / spacing in cells per step; moment = (t, time step, M of each species, by rows)."""
+        t, dt, m = moment[0], moment[1], moment[2 + 9 * species :]
         lanes = pages.pool.shape[3]
         x, v = np.zeros(3), np.zeros(3)
         for part in range(first, last):
@@ -33,7 +33,8 @@ def driven_kernel(acceleration: Callable, species: int, d: int, spacing: tuple[f
                         v[k] = here[d + k, lane] * dx[k] / dt
                     a = of((x[0], x[1], x[2]), (v[0], v[1], v[2]), t)
                     for k in range(components):
-                        here[d + k, lane] += share * (a[k] * dt * dt / dx[k])
+                        pushed = m[3 * k] * a[0] + m[3 * k + 1] * a[1] + m[3 * k + 2] * a[2]
+                        here[d + k, lane] += pushed * dt * dt / dx[k]
                 page, used = np.int64(pages.chain[page]), PAGE
 
     return driven

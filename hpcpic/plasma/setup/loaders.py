@@ -284,7 +284,8 @@ class Arrays(Loader):
         if given is None:
             return super().populations(section, axis)
         own = given[:, axis] if axis < given.shape[1] and len(given) else np.zeros(1)
-        return (Population(1.0, float(own.mean()), math.hypot(float(own.std()), section.thermal_velocity)),)
+        heat = spread(arrays(section.start).get("position"), own)
+        return (Population(1.0, float(own.mean()), math.hypot(heat, section.thermal_velocity)),)
 
     def fastest(self, section: Species) -> Fastest:
         given = arrays(section.start).get("velocity")
@@ -292,6 +293,21 @@ class Arrays(Loader):
             return super().fastest(section)
         x, y, z = [*map(float, np.abs(given).max(axis=0)), 0.0, 0.0][:3]
         return Fastest((x, y, z), float(np.linalg.norm(given, axis=1).max()))
+
+
+def spread(x: NDArray | None, v: NDArray) -> float:
+    """Root of half the mean square of what velocities v[n] of neighbours differ by, with about four to a cell: what
+    waves make of it is no heat. Without their places x[n, d] the standard deviation.
+    """
+    if x is None or len(x) != len(v):
+        return float(v.std())
+    extent = np.ptp(x, axis=0)
+    edge = (np.prod(extent[extent > 0]) * 4 / len(x)) ** (1 / max(1, np.count_nonzero(extent)))
+    cells = ((x - x.min(axis=0)) // edge).astype(np.int64)
+    order = np.lexsort(cells.T)
+    beside = np.all(cells[order[1:]] == cells[order[:-1]], axis=1)
+    apart = np.diff(v[order])[beside]
+    return float(np.sqrt(np.mean(apart * apart) / 2)) if len(apart) else float(v.std())
 
 
 def beams(n: int, drift: float, spread: float) -> tuple[Population, ...]:

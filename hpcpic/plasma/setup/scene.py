@@ -128,6 +128,12 @@ class SceneSpecies:
         """A[3, 3] with v^n = v- + A v-: the rotation by half the angle of a step, less the identity."""
         return turn(*part_of_turn(self.rotation[0], 0.5))
 
+    def before_turn(self, steps: float) -> NDArray[np.float64]:
+        """M[3, 3]: v + M a dt, turned by the mover for so many steps, has had half of a dt before the turn and half
+        after it, as of the electric impulse.
+        """
+        return steps * (np.eye(3) + turn(*part_of_turn(self.rotation[0], steps)).T / 2)
+
     def positions(self, ids: NDArray) -> NDArray[np.float64]:
         """Positions[n, d] in m, in [0, L), of particles ids[n] of this species at t = 0."""
         x = self.unperturbed(np.asarray(ids))
