@@ -83,9 +83,15 @@ SCALARS: dict[str, Scalar] = {}  # by name, in the order of the columns
 
 
 def register(scalar: Scalar) -> None:
-    """Make a scalar a column of every series from now on. ValueError of an integrand that kernels cannot take over."""
+    """Make a scalar a column of every series from now on. ValueError of an integrand that kernels cannot take over, or
+    that mixes axes, whose cells may differ.
+    """
     for moment in scalar.moments:
-        if said := arithmetic_fault(moment.integrand):
+        said = arithmetic_fault(moment.integrand)
+        if not said and not moment.isotropic:
+            said = "its integrand must be made of square, times one component each where it is a vector; of others make"
+            said += " a field of species"
+        if said:
             raise ValueError(f"scalar {scalar.name!r}: {said}")
     note(scalar.value)
     SCALARS[scalar.name] = scalar

@@ -5,6 +5,8 @@ import math
 from hpcpic.plasma.case.config import PlasmaConfig, Species, volume
 from hpcpic.plasma.setup.loaders import loader_of
 
+MOST_WITHOUT_FIELD = 2  # points along an axis: a difference over two cells (5.13) is then none
+
 
 def plasma_frequency(config: PlasmaConfig, species: Species) -> float:
     """wp of one species in rad/s: its own where the case gives it, else sqrt(n q^2 / (eps0 m))."""
@@ -32,8 +34,8 @@ def spacing(config: PlasmaConfig) -> tuple[float, ...]:
 
 
 def field_axes(config: PlasmaConfig) -> int:
-    """Axes of more than one point: along the others there is no field."""
-    return sum(n > 1 for n in config.points)
+    """Axes with a field along them."""
+    return sum(n > MOST_WITHOUT_FIELD for n in config.points)
 
 
 def charge_density(config: PlasmaConfig, species: Species) -> float:

@@ -6,8 +6,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from hpcpic.core.case.own_functions import formula_fault
 from hpcpic.core.simd.own import shipped
+
+FIRST_SPEED, SECOND_SPEED = (0.3, -0.7, 1.1), (-0.9, 0.2, 0.5)  # any two
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +34,19 @@ class Moment:
     def size(self, components: int) -> int:
         """Values of the moment of velocities with so many components."""
         return components if self.vector else 1
+
+    @property
+    def isotropic(self) -> bool:
+        """Whether the integrand is made of |v|^2 alone, times one component each where it is a vector, as the series
+        wants it; looked at for two velocities.
+        """
+        speeds = np.array([FIRST_SPEED, SECOND_SPEED])
+        try:
+            values = [np.atleast_1d(self.integrand(v[0], v[1], v[2], 2.0)) for v in speeds]
+            shares = np.stack(values) / (speeds if self.vector else 1.0)
+        except Exception:  # `fault` tells it, with its place
+            return True
+        return bool(np.ptp(shares) <= 1e-12 * np.abs(shares).max())
 
     def fault(self, vectors: bool) -> str:
         """What is wrong with an integrand of the user's own, in one sentence with its place; "" of a sound one.

@@ -302,7 +302,8 @@ def spread(x: NDArray | None, v: NDArray) -> float:
     if x is None or len(x) != len(v):
         return float(v.std())
     extent = np.ptp(x, axis=0)
-    edge = (np.prod(extent[extent > 0]) * 4 / len(x)) ** (1 / max(1, np.count_nonzero(extent)))
+    wide = extent[extent > 0]
+    edge = float(np.prod(wide) * 4 / len(x)) ** (1 / max(1, len(wide)))
     cells = ((x - x.min(axis=0)) // edge).astype(np.int64)
     order = np.lexsort(cells.T)
     beside = np.all(cells[order[1:]] == cells[order[:-1]], axis=1)

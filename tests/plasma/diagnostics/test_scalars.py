@@ -37,3 +37,19 @@ def test_a_registered_scalar_is_summed_exactly_in_every_sample(world, monkeypatc
     plasma.sums = SeriesSums(plasma.scene, world, plasma.mesh, plasma.cloud, plasma.field_scale)
     assert plasma.scalars()["energy_flux_x"] == found
     plasma.close()
+
+
+def pressure(vx, vy, vz, square):
+    return vx * vy
+
+
+def across(vx, vy, vz, square):
+    return square * vx, square * vx, square * vz
+
+
+@pytest.mark.parametrize("moment", [Moment(pressure, 2), Moment(across, 3, vector=True)])
+def test_an_integrand_that_mixes_axes_is_refused(moment):
+    """Cells may have other sides along other axes: the sum would be off by powers of their ratio, in silence."""
+    with pytest.raises(ValueError, match="made of square, times one component"):
+        scalars.register(scalars.Scalar("mine", "J", lambda sample: 0.0, (moment,)))
+    assert "mine" not in scalars.SCALARS

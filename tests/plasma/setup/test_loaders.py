@@ -6,6 +6,7 @@ import pytest
 from hpcpic.core.case.config import loads
 from hpcpic.plasma.configure import configure
 from hpcpic.plasma.setup import loaders
+from hpcpic.plasma.setup.loaders import spread
 from hpcpic.plasma.setup.scene import Scene
 
 CASE = """
@@ -46,3 +47,15 @@ def test_a_registered_loader_is_known_to_cases_and_asked_for_its_faults(monkeypa
 def test_a_loader_that_nobody_registered_is_a_fault():
     with pytest.raises(Exception, match="init_method: must be 'random', 'quiet'"):
         configure(loads(CASE))
+
+
+@pytest.mark.parametrize("d", [1, 2, 3])
+def test_the_spread_of_given_velocities_is_that_of_neighbours(d):
+    """A wave is no heat, and equal velocities have none; the standard deviation of 0.8 three times is 1e-16."""
+    random = np.random.default_rng(1)
+    x, v = random.random((4000, d)), random.normal(0.0, 1.0, 4000)
+    assert spread(x, v) == pytest.approx(1.0, rel=0.05)
+    wave = 5.0 * np.sin(2 * np.pi * x[:, 0])
+    assert spread(x, wave) < 0.2 * wave.std()
+    assert spread(x, np.full(4000, 0.8)) == 0.0 == spread(x[:1], v[:1])
+    assert spread(None, v) == v.std()
