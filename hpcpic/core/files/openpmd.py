@@ -70,7 +70,7 @@ class OpenPMDWriter:
     def __init__(self, world: "World | Alone", folder: Path, time_step: float, after: int | None = None) -> None:
         """At a restart the files of steps later than `after` are removed. Raises FileError on all ranks."""
         self.world = world
-        self.folder = folder
+        self.path = folder
         self.time_step = time_step
         with together(world, f"cannot use {folder}"):
             if world.rank == 0:
@@ -88,7 +88,7 @@ class OpenPMDWriter:
         species: Mapping[str, ParticleArray],
     ) -> None:
         """Write a step, all ranks together. Raises FileError on all ranks; no file is left then."""
-        final = self.folder / f"data{step:08d}.h5"
+        final = self.path / f"data{step:08d}.h5"
         made = temporary(final, self.world.bcast(str(os.getpid()).encode()).decode())
         counts = np.zeros((self.world.size, len(species)), np.int64)
         counts[self.world.rank] = [len(particles.ids) for particles in species.values()]
@@ -118,6 +118,9 @@ class OpenPMDWriter:
             return slots
 
         self._write(final, made, build, shards)
+
+    def flush(self) -> None:
+        """Nothing waits."""
 
     def _write(self, final: Path, made: Path, build: Any, shards: Mapping[str, Shard]) -> None:
         doing = f"cannot write {final}"

@@ -26,6 +26,7 @@ from pathlib import Path
 from hpcpic.core.case.own_functions import failed_at
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import CheckFailed, ConfigError, Diverged, FileError, HpcpicError
+from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.files.together import explain
 from hpcpic.core.run.log import write_error
 from hpcpic.core.simd import own
@@ -200,8 +201,8 @@ class Watchdog:
     was away. The file disappears when nothing was written.
     """
 
-    def __init__(self, folder: Path, rank: int, least: float = PATIENCE_SECONDS) -> None:
-        self.rank, self.path = rank, folder / f"trace-rank-{rank}.txt"
+    def __init__(self, rundir: RunDir, rank: int, least: float = PATIENCE_SECONDS) -> None:
+        self.rank, self.rundir = rank, rundir
         self._file = open(self.path, "wb", buffering=0)  # noqa: SIM115  (lives as long as the run)
         self._least, self._beat = least, min(1.0, least / 8)
         self.patience = math.inf
@@ -210,6 +211,10 @@ class Watchdog:
         faulthandler.enable(self._file)
         self._thread = threading.Thread(target=self._watch, name="watchdog", daemon=True)
         self._thread.start()
+
+    @property
+    def path(self) -> Path:
+        return self.rundir.path / f"trace-rank-{self.rank}.txt"
 
     def feed(self, step_seconds: float) -> None:
         """The run goes on; the next step may take twenty times as long as the longest."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -70,7 +69,7 @@ class Outcome:
 
 def run(model: Model, world: World, rundir: RunDir, options: Options) -> Outcome:
     """Step the model to its last step or to a reason to stop. Collective; raises Agreed and what the model raises."""
-    watchdog = Watchdog(rundir.path, world.rank, options.patience)
+    watchdog = Watchdog(rundir, world.rank, options.patience)
     try:
         return _Run(model, world, rundir, options, watchdog).to_the_end()
     finally:
@@ -209,19 +208,9 @@ class _Run:
     def write_series(self) -> None:
         """Collective: what rank 0 writes is outside the others' patience, and they leave their cores to it."""
         self.watchdog.rest()
-        self.follow()
         self.outputs.flush()
         self.world.wait_for_work()
         self.feed()
-
-    def follow(self) -> bool:
-        """Collective: whether the folder of the run has another name now; it is known by that from here on."""
-        name = self.world.bcast(os.fsencode(self.rundir.moved_to()))
-        if name:
-            log.warning("the run folder %s was moved: going on in %s", self.rundir.path, os.fsdecode(name))
-            self.rundir.rename(os.fsdecode(name))
-            self.outputs.follow()
-        return bool(name)
 
     def write_checkpoint(self, last: Mapping[str, Any] | None = None) -> None:
         """Collective. A failure is a warning, until the third one in a row or the one of the `last` state."""
@@ -235,6 +224,8 @@ class _Run:
                 place = (model.iteration, model.time)
                 checkpoint.write(self.world, self.rundir, *place, state, options.attributes)
         except FileError as error:
+            if self.outputs.follow():  # moved while it was written
+                return self.write_checkpoint(last)
             self.checkpoint_failures += 1
             if last is not None or self.checkpoint_failures == CHECKPOINT_TRIES:
                 raise Agreed(error) from error
@@ -255,6 +246,7 @@ class _Run:
         self.write_series()
         self.watchdog.rest()
         digest = None if code == 4 else self.keep_state()
+        self.outputs.follow()
         if code == 0 and self.world.any(bool(self.outputs.broken)):
             code, reason = 6, "the steps are all done, but output is missing (see the warnings)"
         facts = self.facts(status, code, reason, loop_seconds, loop_compiling) | {"state_digest": digest}

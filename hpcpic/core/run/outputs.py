@@ -7,6 +7,7 @@ ends with the code of file errors.
 from __future__ import annotations
 
 import logging
+import os
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, cast
 
@@ -94,16 +95,29 @@ class Outputs:
 
     def flush_series(self) -> None:
         """On rank 0 the rows of the series so far are in its files afterwards: before any snapshot is, so that a run
-        that is killed has the scalars of what its snapshots show.
+        that is killed has the scalars of what its snapshots show. Collective: the folder is followed first.
         """
+        self.follow()
         if self._series is not None and "series" not in self.broken:
             self._kept_going("series", self._series.flush)()
+
+    def follow(self) -> bool:
+        """Write from now on where the folder of the run is: True if it was moved. Collective."""
+        name = os.fsdecode(self.world.bcast(os.fsencode(self.rundir.moved_to())))
+        if name:
+            log.warning("the run folder %s was moved: going on in %s", self.rundir.path, name)
+            self.rundir.rename(name)
+            for writer in self._writers.values():
+                writer.path = self.rundir.path / writer.path.name
+        return bool(name)
 
     def _kept_going(self, kind: str, observe: Callable[[], None]) -> Callable[[], None]:
         def attempt() -> None:
             try:
                 observe()
             except FileError as error:
+                if kind == "openpmd" and self.follow():  # no other step waits in this writer, to be lost
+                    return attempt()
                 self.broken.append(kind)
                 log.warning("no %s output from step %d on: %s", kind, self.model.iteration, error.message)
 
@@ -126,11 +140,6 @@ class Outputs:
                     self._series.append(model.iteration, model.time, values)
 
         return observe
-
-    def follow(self) -> None:
-        """The folder of the run has another name now."""
-        for writer in self._writers.values():
-            writer.path = self.rundir.path / writer.path.name
 
     def _field_observer(self) -> Callable[[], None]:
         from hpcpic.core.files.snapshot import FieldsWriter
@@ -182,6 +191,7 @@ class Outputs:
 
         model = self.model
         writer = OpenPMDWriter(self.world, self.rundir.openpmd, model.time_step, after=self.after)
+        self._writers["openpmd"] = writer
 
         def observe() -> None:
             fields, species = model.fields(), {name: own.as_kept() for name, own in model.particles().items()}

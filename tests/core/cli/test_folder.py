@@ -58,16 +58,20 @@ def test_a_series_that_is_taken_away_is_missing_at_the_end(toy, name, ranks):
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_a_folder_that_is_moved_is_followed(toy, ranks):
     words = ("--checkpoint-every", "50")
-    process = toy.start("run", "ring.conf", "-o", "a", "--threads", "1", *words, ranks=ranks, **SLOW)
+    output = {f"output__{kind}": 10 for kind in ("field", "particle", "openpmd")}
+    process = toy.start("run", "ring.conf", "-o", "a", "--threads", "1", *words, ranks=ranks, **SLOW, **output)
     before = toy.checkpoints("a")
     wait_until(lambda: toy.checkpoints("a") != before)
     (toy.folder / "a").rename(toy.folder / "b")  # between two checkpoints
     _, errors = ended(process, 0)
     assert errors.count("was moved: going on in") == 1
-    assert not (toy.folder / "a").exists()
+    assert not (toy.folder / "a").exists() and not [*(toy.folder / "b").glob("trace-*")]
     assert toy.facts("b")["status"] == "finished" and toy.checkpoints("b") == [250, 300]
     assert toy.facts("b")["state_digest"] == toy.digest(steps=300)
     assert (toy.folder / "b/series.csv").read_text().count("\n") == 302
+    found, steps = open_run(toy.folder / "b"), [*range(0, 301, 10)]
+    assert [*found.field_snapshots.steps] == [*found.particle_snapshots.steps] == steps
+    assert sorted(int(path.stem[4:]) for path in (toy.folder / "b/openpmd").iterdir()) == steps
 
 
 @pytest.mark.parametrize("words", [(), ("--checkpoint-every", "5")])

@@ -110,7 +110,7 @@ def test_what_all_ranks_know_is_told_by_rank_0_and_ends_nobody(capfd):
 def test_the_watchdog_ends_a_process_that_stands_still(tmp_path, capfd):
     child = os.fork()
     if child == 0:
-        Watchdog(tmp_path, 3, least=0.2).feed(0.0)
+        Watchdog(RunDir(tmp_path), 3, least=0.2).feed(0.0)
         time.sleep(30)
         os._exit(0)
     begin = time.monotonic()
@@ -123,7 +123,7 @@ def test_the_watchdog_ends_a_process_that_stands_still(tmp_path, capfd):
 
 def test_a_run_whose_steps_got_slow_goes_on(tmp_path):
     """What it was fed with is long over, but each step is shorter than the patience."""
-    watchdog = Watchdog(tmp_path, 0, least=1.2)
+    watchdog = Watchdog(RunDir(tmp_path), 0, least=1.2)
     watchdog.feed(0.0)
     for _ in range(20):
         time.sleep(0.1)
@@ -136,7 +136,7 @@ def test_a_suspended_process_goes_on(tmp_path):
     """Time for which it was stopped is not time in which it stood still."""
     child = os.fork()
     if child == 0:
-        Watchdog(tmp_path, 0, least=2.0).feed(0.0)
+        Watchdog(RunDir(tmp_path), 0, least=2.0).feed(0.0)
         for _ in range(10):  # before it is stopped, and after
             time.sleep(0.05)
         os._exit(0)
@@ -148,7 +148,7 @@ def test_a_suspended_process_goes_on(tmp_path):
 
 
 def test_a_fed_or_resting_watchdog_leaves_nothing(tmp_path):
-    watchdog = Watchdog(tmp_path, 0, least=1.2)
+    watchdog = Watchdog(RunDir(tmp_path), 0, least=1.2)
     for _ in range(16):
         watchdog.feed(0.0)
         time.sleep(0.1)
@@ -159,7 +159,7 @@ def test_a_fed_or_resting_watchdog_leaves_nothing(tmp_path):
 
 
 def test_long_steps_have_twenty_of_themselves_and_only_as_long_as_they_are_feared(tmp_path):
-    watchdog = Watchdog(tmp_path, 0)
+    watchdog = Watchdog(RunDir(tmp_path), 0)
     for seconds, patience in ((60.0, 1200.0), (0.01, 600.0), (100.0, 2000.0)):
         watchdog.feed(seconds)
         assert watchdog.patience == patience

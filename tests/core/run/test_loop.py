@@ -9,6 +9,7 @@ import pytest
 from toy_app import Toy, ToyConfig
 
 from hpcpic.core.comm.world import World
+from hpcpic.core.files import image
 from hpcpic.core.files.reader import open_run
 from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.files.series import read_series
@@ -65,6 +66,23 @@ def shared_runner(tmp_path):
 
 def steps_of(runner, name="a"):
     return sorted(int(path.stem) for path in (runner.folder / name / "checkpoints").glob("*"))
+
+
+@pytest.mark.parametrize("kind", ["openpmd", "checkpoints"])
+def test_what_is_moved_while_it_is_written_is_written_again(runner, monkeypatch, kind):
+    here, there, write = runner.folder / "a", runner.folder / "b", image.write_shards
+
+    def moved(path, slots, shards):
+        write(path, slots, shards)
+        if path.parent.name == kind and here.exists():
+            here.rename(there)
+
+    monkeypatch.setattr(image, "write_shards", moved)
+    outcome, _ = runner(steps=20, output={"openpmd": 10})
+    assert outcome.exit_code == 0 and not here.exists() and steps_of(runner, "b") == [20]
+    names = [f"data{step:08d}.h5" for step in (0, 10, 20)]
+    assert sorted(path.name for path in (there / "openpmd").iterdir()) == names
+    assert outcome.facts["folder"] == str(there) and not [*there.glob("trace-*")]
 
 
 def test_series_at_its_period_and_at_the_end(runner):
