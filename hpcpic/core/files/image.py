@@ -14,7 +14,7 @@ import math
 import os
 import struct
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -289,7 +289,8 @@ def append(
             write_shards(path, slots, shards)
     except Exception:
         if image is not None:
-            os.truncate(path, image.old_size)
+            with suppress(OSError):  # what was moved away is told by the error that is on its way
+                os.truncate(path, image.old_size)
         raise
     finally:
         if image is not None:
