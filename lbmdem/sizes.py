@@ -12,3 +12,9 @@ MAX_REPLICATED = 512  # grains, at most, that all ranks hold
 STEPS_OWED = 20  # after which the fluid gets back the mass that moving grains have taken: a pass over all nodes
 STEPS_PER_CALL = 256  # steps of grains alone in one call: short enough to hear signals
 PAIRS_PER_GRAIN = {2: 3, 3: 6}  # near enough to be listed, in a dense packing
+PARTS_PER_THREAD = 4  # of a kernel over links, nodes or grains
+
+
+def parts_of(threads: int) -> int:
+    """Parts in which such a kernel goes over its links, nodes or grains: one where one thread does them all."""
+    return PARTS_PER_THREAD * threads if threads > 1 else 1

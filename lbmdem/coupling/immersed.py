@@ -26,10 +26,9 @@ from lbmdem.fluid.surfaces import Bodies, Surfaces, Wall, mark_walls
 from lbmdem.kernels import links as kernels
 from lbmdem.kernels.grain_rasters import Table
 from lbmdem.kernels.layout import FLUID, Layout
-from lbmdem.sizes import GAINS
+from lbmdem.sizes import GAINS, parts_of
 
 SUM_BITS, TERM_BITS = 61, 49  # of the sums, and of terms: 2^51 is the largest integer that `to_fixed` makes
-PARTS = 4  # per thread
 NO_GAINS = np.zeros((0, GAINS), np.int64)
 GrainColumns = tuple[NDArray, NDArray, NDArray, NDArray, NDArray]
 
@@ -83,7 +82,7 @@ class Immersed:
     ) -> None:
         self.fluid, self._world, self._pool = fluid, world, pool
         self._rule, self._dimensions = rule, fluid.lattice.dimensions
-        self._blocks = PARTS * pool.threads if pool.threads > 1 else 1
+        self._blocks = parts_of(pool.threads)
         self.window = Window.of(fluid.domain, world.rank, ((1, 1),) * fluid.domain.ndim)
         mark_walls(self.window, fluid.ids, walls, self._dimensions)
         planes = fluid.layout.planes

@@ -31,9 +31,8 @@ from lbmdem.fluid.solid_nodes import Change, Window, several_slabs
 from lbmdem.kernels import refill as kernels
 from lbmdem.kernels.layout import Layout
 from lbmdem.kernels.link_arrays import Nodes, Populations
-from lbmdem.sizes import STEPS_OWED
+from lbmdem.sizes import STEPS_OWED, parts_of
 
-PARTS = 4  # per thread
 MODES = {
     "average": kernels.LOCAL,
     "local": kernels.LOCAL,
@@ -68,7 +67,7 @@ class Refill:
         self._nodes = Nodes(fluid.ids.reshape(-1), self._window.shape, self._window.inner, self._window.box)
         sizes = np.array([layout.nx, layout.rows, layout.planes], np.int64)
         source = kernels.Source(sizes, self._edges, directions.e, fluid.lattice.w, MODES[self._mode])
-        shares = PARTS * fluid.pool.threads if fluid.pool.threads > 1 else 1
+        shares = parts_of(fluid.pool.threads)
         given = {"shares": shares, "populations": self._populations, "nodes": self._nodes, "source": source}
         arena.set(density=0.0)
         kernel, self._arena = kernels.fill_average if self._average else kernels.fill, arena

@@ -24,12 +24,11 @@ from lbmdem.kernels.grains.arrays import Box, Contacts, GrainArrays, GrainLists
 from lbmdem.kernels.grains.substeps import distance_moved, substeps, wall_distance
 from lbmdem.physics.contact_law import LANES, PlaneWall, wall_rows
 from lbmdem.physics.lubrication import Film
-from lbmdem.sizes import GRAINS_OF_ONE_THREAD
+from lbmdem.sizes import GRAINS_OF_ONE_THREAD, parts_of
 
 WALL_SUBSTEPS = 512  # substeps for which the planes' places are made at a time
 MIN_SKIN, MAX_SKIN = 0.02, 0.5  # of the smallest radius
 SHORT_USE, LONG_USE = 60, 250  # substeps: a list used for fewer or more changes the skin, but no result
-PARTS = 4  # of a kernel, per thread
 NO_FILM = Film(0.0, 0.0, 3)
 
 
@@ -59,7 +58,7 @@ class Dem:
         number = len(columns["radius"])
         few = pool.threads == 1 or number <= GRAINS_OF_ONE_THREAD * pool.threads
         self._serial = few and (world.size == 1 or replicated(world, number))
-        parts = 1 if self._serial or pool.threads == 1 else PARTS * pool.threads
+        parts = 1 if self._serial else parts_of(pool.threads)
         sizes = {"parts": parts, "cuts": parts + 1, "walls": len(walls) + 1}
         sizes |= dict.fromkeys(("grains", "rows", "slots", "entries"), LANES)  # to begin with
         self.arena = arena = Arena((*GRAINS, *CONTACTS, *STEP), **sizes)

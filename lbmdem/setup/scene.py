@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.files.start import arrays
-from hpcpic.core.space.elementary import cos, sin, tanh
 from lbmdem.case.boundaries import Boundary
 from lbmdem.case.config import AXES, LbmDemConfig
 from lbmdem.physics.units import Units
 from lbmdem.physics.velocity_sets import CS2
+from lbmdem.setup.flows import FLOWS
 
 
 @dataclass(slots=True)
@@ -132,15 +132,7 @@ class Scene:
                 u[..., k] = self._through(k, axes)
             return u
         speed = initial.speed / self.units.velocity
-        kx, ky = (2.0 * math.pi / length for length in self.config.domain.size[:2])
-        x, y = axes[0], axes[1]
-        if initial.flow == "taylor-green":
-            u[..., 0] = -speed * cos(kx * x) * sin(ky * y)
-            u[..., 1] = speed * kx / ky * sin(kx * x) * cos(ky * y)
-        else:  # doubly periodic shear layer (Minion & Brown 1997), kappa 80
-            s = y / self.config.domain.size[1]
-            u[..., 0] = speed * np.where(s <= 0.5, tanh(80.0 * (s - 0.25)), tanh(80.0 * (0.75 - s)))
-            u[..., 1] = 0.05 * speed * sin(kx * x + 0.5 * math.pi)
+        u[..., 0], u[..., 1] = FLOWS[initial.flow].velocity(axes[0], axes[1], self.config.domain.size, speed)
         return u
 
     def given_rows(self, name: str, axes: tuple[NDArray, ...]) -> NDArray[np.float64] | None:
@@ -172,12 +164,8 @@ class Scene:
         if given is not None:
             return rho + given / self.units.pressure / CS2
         initial = self.config.liquid.initial
-        if initial is not None and initial.flow == "taylor-green":
-            speed = initial.speed / self.units.velocity
-            kx, ky = (2.0 * math.pi / length for length in self.config.domain.size[:2])
-            ratio = kx * kx / (ky * ky)
-            waves = ratio * cos(2.0 * ky * axes[1]) + cos(2.0 * kx * axes[0])
-            rho -= 0.25 * speed * speed / CS2 * waves
+        if initial is not None and (excess := FLOWS[initial.flow].excess) is not None:
+            rho += excess(axes[0], axes[1], self.config.domain.size, initial.speed / self.units.velocity)
         for k, name in enumerate(AXES[: self.dimensions]):
             low, high = self.faces[name + "-"], self.faces[name + "+"]
             if low.kind == high.kind == "pressure":

@@ -26,7 +26,7 @@ from sph.setup.scene import Scene
 log = logging.getLogger("hpcpic.sph")
 
 FIXED_POINT = 2.0**40
-HEAD, SPEED, WAY = 0, 1, 2
+HEAD, SPEED = 0, 1
 
 
 class Exchange:

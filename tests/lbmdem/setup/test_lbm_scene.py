@@ -1,11 +1,15 @@
 """What a scene computes of a case."""
 
+from typing import get_args, get_type_hints
+
 import numpy as np
 import pytest
 from app_runner import running
 
 from hpcpic.core.case.config import loads
+from lbmdem.case.config import Initial
 from lbmdem.configure import configure
+from lbmdem.setup.flows import FLOWS
 from lbmdem.setup.scene import Scene
 
 DISC = """
@@ -24,6 +28,10 @@ def test_a_grain_weighs_less_by_what_it_displaces_and_is_driven_as_that():
     volume = np.array([1.0, 2.0])
     force = scene.constant_force(np.array([2650.0, 2000.0]), volume)
     assert np.array_equal(force, [[3000.0, -9.81 * 1650.0], [6000.0, 0.0]])
+
+
+def test_every_flow_that_a_case_may_name_is_there():
+    assert {*get_args(get_type_hints(Initial)["flow"])} == {*FLOWS}
 
 
 CHANNEL = """
