@@ -160,7 +160,7 @@ class Runaway:
         if not self._warned and self.world.rank == 0:
             words = "fluid at %.3g m/s at t = %.3g s: c0 is %.2g times that (below %g densities are off by 2 %%)"
             ratio = self.scene.c0 / speed
-            log.warning(words + "; larger eos.max_velocity", speed, self.clock.time, ratio, MIN_SOUND_RATIO)
+            log.warning(words + "; set a larger eos.max_velocity", speed, self.clock.time, ratio, MIN_SOUND_RATIO)
         self._warned = True
 
     def _look_at_energy(self, kinetic: float, total: float, mass: float) -> None:

@@ -159,8 +159,8 @@ class Case:
 
         folder: by default that of the command line. threads, wall ("HH:MM:SS" or seconds) and checkpoint_every (500
         steps, "15m") mean what they mean there. quiet: print warnings only. replace: the run in the folder. force: run
-        in spite of limits that allow it. A run that was stopped early returns too, with the status "stopped". Raises
-        ConfigError, FileError, and Diverged when the state was no solution any more.
+        although `check` refuses, where the limit may be overridden. A run that was stopped early returns too, with the
+        status "stopped". Raises ConfigError, FileError, and Diverged when the state was no solution any more.
         """
         from hpcpic.core.app import use
         from hpcpic.core.cli.job import Flags, job
@@ -196,7 +196,7 @@ class Case:
     def simulation(self, *, threads: int | None = None, force: bool = False) -> Simulation:
         """The simulation in memory, at its initial state: use it in a `with`. Nothing is written. Collective.
 
-        force: in spite of limits that allow it. Raises ConfigError beyond the others."""
+        force: although `check` refuses, where the limit may be overridden. Raises ConfigError beyond the others."""
         threads = threads_of(threads)
         with told_in_python():
             enforce(self._app.derived(self.config, 1), self._read_case.tree, force)

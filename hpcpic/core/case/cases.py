@@ -89,7 +89,7 @@ def find_case(case: str, shipped: Mapping[str, Path]) -> Path:
             raise ConfigError(f"{case}: a shipped case of {program}; say `{program}` instead")
     near = difflib.get_close_matches(case, shipped, 1)
     hint = f"; did you mean {near[0]!r}?" if near else f"; shipped cases: {', '.join(shipped)}"
-    raise ConfigError(f"{case}: no such file, and no shipped case is called so{hint}")
+    raise ConfigError(f"{case}: no such file, and there is no shipped case of that name{hint}")
 
 
 def stranger(keys: Collection[str], data: Mapping[str, Any], file: str) -> str:

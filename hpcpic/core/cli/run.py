@@ -45,7 +45,7 @@ def job_options(command: Callable) -> Callable:
             "--checkpoint-every",
             metavar="INTERVAL",
             callback=_readable("parse_interval"),
-            help="500 (steps), 30s, 15m or 2h.  [default: the case's, or 15m]",
+            help="500 (steps), 30s, 15m or 2h; 0s: never before the end.  [default: the case's, or 15m]",
         ),
         click.option(
             "--patience",
@@ -53,7 +53,7 @@ def job_options(command: Callable) -> Callable:
             default="0:10:00",
             show_default=True,
             callback=_readable("parse_wall"),
-            help="End a run in which a step does not end for so long, and for 20 times a usual one.",
+            help="Abort if a single step takes longer than this and longer than 20 usual steps.",
         ),
         click.option(
             "--wall",
@@ -80,8 +80,10 @@ def make_run_command(app_loader: AppLoader) -> click.Command:
     @job_options
     @click.option("--dry", is_flag=True, help="Check and estimate only; take no step and make no folder.")
     @click.option("--replace", is_flag=True, help="Replace the run in DIR: its files, and nothing else.")
-    @click.option("--force", is_flag=True, help="Run in spite of limits that allow it.")
-    @click.option("--beyond-limits", is_flag=True, help="Run in spite of the scheme's limits, as `stability` does.")
+    @click.option("--force", is_flag=True, help="Run although `check` refuses, where the limit may be overridden.")
+    @click.option(
+        "--beyond-limits", is_flag=True, help="Run even beyond the stability limits of the scheme, as `stability` does."
+    )
     def run(
         case: str,
         output: str | None,

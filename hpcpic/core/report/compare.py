@@ -125,7 +125,8 @@ def _series(a: Run, b: Run) -> Iterator[Difference | str]:
         return
     same = first.step.tolist() == second.step.tolist()
     if not same:
-        yield f"series: rows of different steps ({len(first.step)} and {len(second.step)}), b interpolated in time"
+        rows = f"{len(first.step)} and {len(second.step)} rows"
+        yield f"series: sampled at different times ({rows}), b interpolated in time"
     if not len(second.time):
         return
     rows = (first.time >= second.time[0]) & (first.time <= second.time[-1])

@@ -27,6 +27,7 @@ def clock(seconds: float) -> str:
 
 def rate(per_second: float, unit: str) -> str:
     """32.5 M<unit>/s with a prefix that keeps one to three digits before the point."""
+    per_second = float(f"{per_second:.3g}")  # first, or 999.9 would be 1e+03
     for prefix, scale in (("T", 1e12), ("G", 1e9), ("M", 1e6), ("k", 1e3)):
         if per_second >= scale:
             return f"{per_second / scale:.3g} {prefix}{unit}/s"

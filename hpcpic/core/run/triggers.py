@@ -99,7 +99,7 @@ def parse_interval(text: str) -> Every | EverySeconds:
 def parse_wall(text: str) -> float:
     """ "HH:MM:SS", "MM:SS" or seconds -> seconds. Raises ConfigError."""
     if not re.fullmatch(r"(\d+:){0,2}\d+(\.\d+)?", text):
-        raise ConfigError(f"{text!r} is no wall time: write HH:MM:SS")
+        raise ConfigError(f"{text!r} is not a duration: write HH:MM:SS, MM:SS or seconds")
     seconds = 0.0
     for part in text.split(":"):
         seconds = 60 * seconds + float(part)

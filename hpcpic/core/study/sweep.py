@@ -39,7 +39,7 @@ def make_sweep_command(app_loader: AppLoader) -> click.Command:
         "--zip",
         "zipped",
         is_flag=True,
-        help="First values together, then second ones; all lists equally long.",
+        help="Pair the lists value by value instead of combining them; all must have the same length.",
     )
     @shape_options
     def sweep(

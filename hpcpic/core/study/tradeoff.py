@@ -35,7 +35,8 @@ class KnobsOption(click.Option):
         self.app_loader = app_loader
 
     def get_help_record(self, context: click.Context) -> tuple[str, str] | None:
-        self.help = f"Only these knobs, of {', '.join(self.app_loader().knob_names)}.  [default: all that the case has]"
+        names = ", ".join(self.app_loader().knob_names)
+        self.help = f"Vary only these knobs, chosen from {names}.  [default: all that the case has]"
         return super().get_help_record(context)
 
 

@@ -150,7 +150,8 @@ class Contacts:
                     continue
                 if least < -DEEPEST * self.scene.spacing:
                     text = f"{pair.first.name} is {-least:.3g} m deep in {pair.second.name}, more than half a spacing"
-                    raise self.clock.diverged(f"{text}: larger eos.max_velocity, by which contacts are stiff enough")
+                    cure = "set a larger eos.max_velocity, by which contacts are stiff enough"
+                    raise self.clock.diverged(f"{text}: {cure}")
                 n = normals(at[near])
                 found.key.append(((number * SIDES + side) * FACES + face) * SPHERES + near)
                 found.first.append(np.full(len(near), a.index))

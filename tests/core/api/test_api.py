@@ -476,7 +476,7 @@ def test_a_restart_in_python_may_go_on_farther_and_changes_nothing_else(oscillat
         ({"until": "3"}, "until: a finite number"),
         ({"until": 0.2}, "beyond the end asked for"),
         ({"threads": 0}, "threads: a whole number"),
-        ({"wall": "soon"}, "is no wall time"),
+        ({"wall": "soon"}, "is not a duration"),
     ):
         with pytest.raises(hpcpic.ConfigError, match=told):
             run.restart(quiet=True, **wrong)

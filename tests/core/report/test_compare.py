@@ -30,7 +30,7 @@ def test_scalars_at_other_times_are_compared_where_both_runs_have_been(tmp_path)
     """A scalar linear in time is the same in both to round-off; another rate shows at the end of the shorter run."""
     a = run_of(tmp_path / "a", [0.0, 0.1, 0.25, 0.5, 0.9, 1.0])
     told, same = _series(a, run_of(tmp_path / "b", [0.0, 0.3, 0.6]))
-    assert "rows of different steps (6 and 3), b interpolated in time" in told
+    assert "sampled at different times (6 and 3 rows), b interpolated in time" in told
     assert same.what == "series x" and same.max < 1e-15
     _, other = _series(a, run_of(tmp_path / "c", [0.0, 0.3, 0.6], rate=4.0))
     assert abs(other.max - 0.5) < 1e-15  # at 0.5 s, the last row of a until 0.6 s

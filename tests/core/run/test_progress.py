@@ -113,6 +113,7 @@ def test_clock_and_rate():
         "100:00:00",
     ]
     assert [rate(n, "p") for n in (1.0, 2.5e3, 3.25e7)] == ["1 p/s", "2.5 kp/s", "32.5 Mp/s"]
+    assert [rate(n, "p") for n in (999.4, 999.9, 999.6e3)] == ["999 p/s", "1 kp/s", "1 Mp/s"]
 
 
 def test_where_the_number_of_steps_is_not_known_time_tells_how_far_it_is(now):

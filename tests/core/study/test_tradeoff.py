@@ -429,4 +429,4 @@ def test_the_help_names_every_knob_that_a_shipped_case_has(program):
     assert names == {*app.knob_names}
     command = make_tradeoff_command(lambda: app)
     told = command.get_help(click.Context(command))
-    assert all(name in told for name in names) and "Only these knobs, of dx, " in told
+    assert all(name in told for name in names) and "Vary only these knobs, chosen from dx, " in told
