@@ -100,7 +100,7 @@ class LbmDem:
         self.diagnostics = Diagnostics(scene, world, domain, table, heights, *parts)
         self.scalar_units = self.diagnostics.units
         own = any(grains.acceleration for grains in config.grains)
-        self.driven = own or config.shaking is not None or (self.drive is not None and self.drive.changes)
+        self.driven = own or (self.drive is not None and self.drive.changes)
 
     def _fluid(self, fluid: FluidSection) -> Fluid:
         """The fluid, at rest."""
@@ -169,7 +169,7 @@ class LbmDem:
             with self.timers.section("grains"):
                 if self.grain_bits:
                     self.grain_bits.compare(self.iteration)
-                self.grains.move(self.time)  # n_d steps of the contacts [1], [2] under the forces of the fluid
+                self.grains.move(self.iteration)  # n_d steps of the contacts [1], [2] under the forces of the fluid
             with self.timers.section("solid"):
                 self.mark_solid()  # nodes that grains have covered and left (3.3)
             if self.grain_bits:
@@ -190,7 +190,7 @@ class LbmDem:
             self._follow()
             with self.timers.section("grains"):
                 n = min(most, STEPS_PER_CALL, PERIOD - self.iteration % PERIOD)
-                self.grains.move(self.time, n)
+                self.grains.move(self.iteration, n)
             self.iteration += n
 
     def start_solid(self) -> None:

@@ -50,6 +50,8 @@ class DrivenGrains:
         self.dem = Dem(world, pool, domain, columns, law, box_walls(scene), reach=reach, film=film)
         self.substeps = config.substeps  # but for what films want, see `move`
         self.has_films = film is not None
+        own = any(grains.acceleration for grains in config.grains)
+        self._shaken_alone = config.shaking is not None and immersed is None and not own
         self.least_film = self.worst_film = 1.0
         self._constant = scene.constant_force(table.mass, volumes(table.radius, scene.dimensions))
         if solids_move and config.coupling.inertia == "implicit":
@@ -66,9 +68,17 @@ class DrivenGrains:
         added = mass * units.mass - table.mass, inertia * units.mass * units.dx**2 - table.inertia
         self.dem.grains.set_added(*(np.maximum(0.0, part) for part in added))
 
-    def move(self, time: float, steps: int = 1) -> None:
-        """Collective: steps of the fluid from `time` (s), n_d substeps each, under forces that stay the same."""
+    def move(self, first: int, steps: int = 1) -> None:
+        """Collective: steps from number `first` on, n_d substeps each, under forces that stay the same but for those
+        of a shaken frame.
+        """
         dem, dt = self.dem, self._scene.time_step
+        if self._shaken_alone:
+            times = np.arange(first, first + steps) * dt
+            frame = self._scene.shaken_at(times)
+            dem.advance_shaken(dt / self.substeps, self.substeps, self._constant, frame, times)
+            return
+        time = first * dt
         n = self._substeps_of_films() if self.has_films else self.substeps
         force, torque = self._forces(time)
         dem.advance(dt / n, steps * n, force, torque, time=time, usual=dt / self.substeps)

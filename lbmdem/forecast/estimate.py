@@ -77,8 +77,8 @@ def phases(
     """Seconds of one step by what it does, with so many steps per pass over memory."""
     cores = 1e9 * gain(ranks, threads, rates, rates["wave_core_gain"])
     launch = rates["lattice_launch_us" if threads == 1 else "lattice_launch_together_us"]
-    launch += rates["lattice_drive_us"] if config.shaking else 0.0
-    calls = 1 / together if config.fluid else 1 / STEPS_PER_CALL
+    launch += rates["lattice_drive_us"] if config.fluid and config.shaking else 0.0
+    calls = 1 / together if config.fluid else 1 / grain_steps_per_call(config)
     seconds = {"launches": 1e-6 * launch * calls}
     moved = moving(config) and not config.coupling.frozen
     if config.fluid:
@@ -99,6 +99,11 @@ def phases(
                 seconds["moving solids"] += put_back / (1 if config.coupling.refill == "conserving" else STEPS_OWED)
         seconds["exchanges"] = exchange_seconds(config, rates) if ranks > 1 else 0.0
     return seconds
+
+
+def grain_steps_per_call(config: LbmDemConfig) -> int:
+    """Steps of grains without a fluid in one call: 1 where an acceleration of theirs depends on where they are."""
+    return 1 if any(group.acceleration for group in config.grains) else STEPS_PER_CALL
 
 
 def link_seconds(config: LbmDemConfig, ranks: int, threads: int, rates: Mapping[str, float], together: int) -> float:

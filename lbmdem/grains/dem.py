@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,7 @@ WALL_SUBSTEPS = 512  # substeps for which the planes' places are made at a time
 MIN_SKIN, MAX_SKIN = 0.02, 0.5  # of the smallest radius
 SHORT_USE, LONG_USE = 60, 250  # substeps: a list used for fewer or more changes the skin, but no result
 NO_FILM = Film(0.0, 0.0, 3)
+UNSHAKEN = {"each": 1, "accelerations": np.zeros((0, 3)), "constant": np.zeros((0, 3))}  # for the kernel `substeps`
 
 
 class Dem:
@@ -122,7 +124,8 @@ class Dem:
             arena.ask(films.fastest, **self._slots, rows="row", time=0.0)
         if self._serial:
             none = {"done": 0, "steps": 0, "begun": False, "skin": 0.0, "kernels": np.zeros((0, 2), np.int64)}
-            arena.ask(substeps, **none, motion=arena["walls"][None], listed=self._walls_listed)
+            given = UNSHAKEN | {"first": 0, "numbers": "id", "listed": self._walls_listed}
+            arena.ask(substeps, **none, **given, motion=arena["walls"][None])
         self._first_half = self._graph([self._start], [])
         self._contacts = self._graph(self._touch, [])
         self._second_half = self._graph(self._touch, self._finish)
@@ -176,6 +179,28 @@ class Dem:
         self._substeps(dt, substeps, begin)
         self._put_ahead(0.5 * (usual - dt))
 
+    def advance_shaken(
+        self, dt: float, substeps: int, constant: NDArray, accelerations: NDArray, times: NDArray
+    ) -> None:
+        """Collective: steps of so many substeps, which begin at times[m] (s) and in which the frame has the
+        accelerations[m, d]. Forces are constant[number, d] (N) by id less mass x acceleration. Its bits are those of as
+        many calls of `advance`.
+        """
+        grains = self.grains
+        if self._fresh:
+            self._put_ahead(0.5 * dt)
+        self._fresh = False
+        if self._serial:
+            self._give(None, None)
+            ends = (times[:, None] + np.arange(1, substeps + 1) * dt).ravel()
+            self._set_dt(dt)
+            self._advance_alone(ends, {"each": substeps, "accelerations": accelerations, "constant": constant})
+            return
+        for acceleration, time in zip(accelerations, times.tolist()):
+            own = slice(grains.n)
+            self._give(constant[grains.ids[own]] - grains.mass[own, None] * acceleration, None)
+            self._substeps(dt, substeps, time)
+
     def _put_ahead(self, time: float) -> None:
         """Move the tangential springs ahead by a time (s); contact forces stay."""
         if time and self.list.remembers:
@@ -188,8 +213,7 @@ class Dem:
         """Do substeps from the time `begin` (s)."""
         self._set_dt(dt)
         if self._serial:
-            for first in range(0, count, WALL_SUBSTEPS):
-                self._advance_alone(dt, begin, first, min(first + WALL_SUBSTEPS, count))
+            self._advance_alone(begin + np.arange(1, count + 1) * dt, UNSHAKEN)
             return
         for k in range(count):
             self.time = begin + (k + 1) * dt
@@ -208,19 +232,25 @@ class Dem:
     def _slots(self) -> dict[str, int]:
         return {"n_slots": self.list.n_slots, "n_grain_slots": self.list.n_grain_slots}
 
-    def _advance_alone(self, dt: float, begin: float, first: int, last: int) -> None:
-        """Substeps first..last in compiled code, without messages."""
+    def _advance_alone(self, ends: NDArray, frame: Mapping[str, Any]) -> None:
+        """Substeps that end at these times (s) in compiled code, without messages. frame: see `substeps`."""
+        for first in range(0, len(ends), WALL_SUBSTEPS):
+            self._advance_few(ends[first : first + WALL_SUBSTEPS], first, frame)
+
+    def _advance_few(self, ends: NDArray, first: int, frame: Mapping[str, Any]) -> None:
+        """The substeps from `first` on, which end at these times (s)."""
         walls = self.arena["walls"]
         motions = walls[None]
         if any(wall.moves for wall in self.walls):
-            motions = wall_rows(self.walls, begin + np.arange(first + 1, last + 1) * dt)
+            motions = wall_rows(self.walls, ends)
             if len(motions) == 1:
                 walls[:] = motions[0]
         bounds: list[Bound] = [self._start, *self._touch, *self._finish]
         team.want(bound.job for bound in bounds if not bound.ready)
         tasks = np.array([(bound.address, bound.context.ctypes.data) for bound in bounds])
-        done, begun, steps = 0, False, last - first
-        given = {"steps": steps, "kernels": tasks, "motion": motions, "listed": self._walls_listed}
+        done, begun, steps = 0, False, len(ends)
+        given = dict(frame) | {"steps": steps, "kernels": tasks, "motion": motions, "listed": self._walls_listed}
+        given |= {"first": first, "numbers": "id"}
         while done < steps:
             outcome = self.arena.call(substeps, **given, done=done, begun=begun, skin=float(self.skin))
             begun = outcome < 0
@@ -229,7 +259,7 @@ class Dem:
             if begun:
                 self._check(distance_moved(self.arena["farthest"]))
                 self.rebuild()
-        self.time = begin + last * dt
+        self.time = float(ends[-1])
 
     def _give(self, force: NDArray | None, torque: NDArray | None) -> None:
         grains, d = self.grains, self.grains.dimensions

@@ -108,6 +108,14 @@ class Scene:
             return np.zeros(self.dimensions)
         return np.array(shaking.acceleration) * math.sin(2.0 * math.pi * shaking.frequency * t)
 
+    def shaken_at(self, times: NDArray) -> NDArray[np.float64]:
+        """Accelerations [m, d] of the frame at times [m], the bits of `shaken`."""
+        shaking = self.config.shaking
+        if shaking is None:
+            return np.zeros((len(times), self.dimensions))
+        sines = [math.sin(2.0 * math.pi * shaking.frequency * t) for t in times.tolist()]
+        return np.array(sines)[:, None] * np.array(shaking.acceleration)
+
     def constant_force(self, mass: NDArray, volume: NDArray) -> NDArray[np.float64]:
         """Force [n, d] on grains that links do not give, N: weight less buoyancy, and rho V a of a body force a.
 
