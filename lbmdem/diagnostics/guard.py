@@ -1,5 +1,6 @@
 """Limits beyond which the state of a run is no solution."""
 
+import math
 import zlib
 
 import numpy as np
@@ -11,6 +12,7 @@ from lbmdem.grains.dem import Dem
 MAX_SPEED = 0.4  # nodes per step beyond which no collision is a fluid any more
 MAX_DENSITY = 2.0  # density of the lattice fluid, likewise; its inverse is the least one
 CURE = "a smaller fluid.relaxation_time or fluid.time_step makes steps shorter, a weaker force the fluid slower"
+NEAR_HALF = 0.55  # tau below which TRT and BGK hardly damp what solids make: shorter steps take it nearer to 1/2
 MAX_DRIFT = 0.01  # change of the mean density of a fluid that cannot leave
 FEW = 2000  # numbers, of which another checksum is quicker
 MAX_JUMP = 1e-12  # the same between two looks where it stays to rounding: 1e-17 in 50 steps
@@ -41,16 +43,27 @@ class GrainBits:
             self.trouble = f"grains or forces on them changed by themselves before step {step}: damaged memory"
 
 
+def cure(fluid: Fluid) -> str:
+    """What may help a fluid that diverges: near tau = 1/2 shorter steps only make it worse."""
+    scheme = fluid.collision.scheme
+    if fluid.tau >= NEAR_HALF or not math.isfinite(scheme.grid_reynolds):
+        return CURE
+    return (
+        f'with {scheme.name} and tau = {fluid.tau:.4g}, near 1/2, fluid.collision = "central" or a finer '
+        "domain.spacing is stable; shorter steps take tau nearer to it"
+    )
+
+
 def fault(seen: Diagnostics, fluid: Fluid | None, dem: Dem | None, max_overlap: float) -> str | None:
     """Why this rank's state is no solution, or None; max_overlap: allowed overlap over diameter."""
     if fluid and seen.fluid:
         if seen.fluid.fastest > MAX_SPEED:
-            return f"the fluid moves by {seen.fluid.fastest:.3g} nodes in a step (limit {MAX_SPEED}): {CURE}"
+            return f"the fluid moves by {seen.fluid.fastest:.3g} nodes in a step (limit {MAX_SPEED}): {cure(fluid)}"
         share = float(fluid.lattice.w[0])  # populations at rest follow the density
         low, high = (1.0 / MAX_DENSITY - 1.0) * 2.0 * share, (MAX_DENSITY - 1.0) * share
         least, most = fluid.rest_bounds()
         if not low <= least <= most <= high:
-            return f"the density left {1 / MAX_DENSITY} .. {MAX_DENSITY} times that of rest: {CURE}"
+            return f"the density left {1 / MAX_DENSITY} .. {MAX_DENSITY} times that of rest: {cure(fluid)}"
     if dem and not np.isfinite(dem.grains.x).all():
         return "a grain is nowhere"
     if dem and not all(np.isfinite(dem.grains.columns[name]).all() for name in ("heat", "work")):

@@ -12,11 +12,10 @@ from hpcpic.core.files.start import arrays
 from lbmdem.case.config import AXES, Diameters, GrainSet, LbmDemConfig, whole_spacing
 from lbmdem.forecast.contacts import contacts, overlap_at_start
 from lbmdem.forecast.driven import driven, steady
-from lbmdem.forecast.free_fall import OTHER_COLLISION, falling, unheld
+from lbmdem.forecast.free_fall import falling, unheld
 from lbmdem.forecast.node_shares import LOOSE
 from lbmdem.forecast.plan import grain_count
-from lbmdem.forecast.relaxation import SPACING, key_of_tau, relaxation, slower
-from lbmdem.physics.collision import COLLISIONS
+from lbmdem.forecast.relaxation import SPACING, grid_reynolds, key_of_tau, relaxation, slower
 from lbmdem.physics.velocity_sets import CS2, LATTICES
 from lbmdem.physics.wall_rules import RULES, impedance
 from lbmdem.setup.overlap_survey import SAMPLE, law_diameters, law_volume, packed_space, packing_ends
@@ -90,13 +89,7 @@ def speeds(config: LbmDemConfig) -> Iterator[Derived]:
         )  # fmt: skip
     reynolds = u * dx / config.liquid.kinematic_viscosity
     if reynolds:
-        most = COLLISIONS[config.liquid.collision].grid_reynolds
-        yield judged(
-            "grid Reynolds number", "U dx/nu", reynolds, ok=reynolds <= most / 2, legal=reynolds <= most,
-            limit=f"<= {most:g}" if math.isfinite(most) else "none",
-            source="doubly periodic shear layer, measured (tests/validation)",
-            cure=OTHER_COLLISION, key=SPACING, forceable=True,
-        )  # fmt: skip
+        yield grid_reynolds(config, reynolds)
 
 
 def pressures(config: LbmDemConfig) -> Iterator[Derived]:

@@ -10,14 +10,13 @@ from hpcpic.core.case.derived import Derived, judged
 from hpcpic.core.space.products import product
 from lbmdem.case.config import AXES, GrainSet, LbmDemConfig
 from lbmdem.forecast.node_shares import grains, volume
-from lbmdem.forecast.relaxation import SPACING, key_of_tau, slower
+from lbmdem.forecast.relaxation import OTHER_COLLISION, SPACING, key_of_tau, slower
 from lbmdem.physics.collision import COLLISIONS
 from lbmdem.physics.velocity_sets import CS2
 from lbmdem.setup.box_walls import cover, floor_height
 
 BALANCE = 1e-3  # of the forces on a box that are left over: what is still called a balance
 FAR_BEYOND = 10.0  # times the limit of the grid Reynolds number: a bed falls slower than a grain alone, but not so much
-OTHER_COLLISION = 'collision = "central" has no such limit; a finer spacing lowers it'
 MOST_TRIED = 10_000  # points above which a fall is tried
 PEAK = 4.0  # times the estimate of a flow past grains: wakes shelter the next grain, pores differ; measured up to 3.5
 LAYER = 1.13  # sqrt(Re) delta/D of the boundary layer where the flow divides (Schlichting & Gersten, ch. 5)

@@ -4,12 +4,15 @@ import math
 from collections.abc import Iterator
 
 from hpcpic.core.case.config import Path
-from hpcpic.core.case.derived import Derived, Verdict
-from lbmdem.case.config import AXES, LbmDemConfig
+from hpcpic.core.case.derived import Derived, Verdict, judged, rounded_down
+from lbmdem.case.config import AXES, LbmDemConfig, whole_spacing
 from lbmdem.physics.collision import COLLISIONS
 
 TAU = ("fluid", "relaxation_time")
 SPACING = ("domain", "spacing")
+OTHER_COLLISION = 'collision = "central" has no such limit; a finer spacing lowers it'
+# The grid Reynolds number up to which a flow past a cylinder of 10 nodes holds for 3 s, and one that diverges, measured
+PAST_SOLIDS = {"TRT": (7.5, 10.0), "BGK": (3.75, 7.5)}
 # Error of the mean velocity of a channel of 16 nodes with half-way walls, measured by tau: BGK
 SLIP = ((1.2, 5e-3), (1.5, 2.3e-2), (2.0, 5.9e-2), (3.0, 0.17), (5.0, 0.57), (10.0, 2.0))
 LEAST_EXCESS = 1e-12  # of tau over 1/2: of less, rounding leaves fewer than four digits of the viscosity
@@ -42,6 +45,26 @@ def relaxation(config: LbmDemConfig) -> Iterator[Derived]:
         verdict, limit = "warn", ">= 0.505"
         cure = f"nearly no viscosity on this lattice: stable below U dx/nu = {collision.grid_reynolds:g} only"
     yield Derived("relaxation time", "tau", tau, "", limit, verdict, source, cure, key_of_tau(config))
+
+
+def grid_reynolds(config: LbmDemConfig, value: float) -> Derived:
+    """The grid Reynolds number of the largest known velocity: past solids layers and wakes are thinner than what a
+    shear layer without walls bears.
+    """
+    most = COLLISIONS[config.liquid.collision].grid_reynolds
+    limit, best, cure = f"<= {most:g}" if math.isfinite(most) else "none", most / 2, OTHER_COLLISION
+    source = "doubly periodic shear layer, measured (tests/validation)"
+    if math.isfinite(most) and (config.grains or config.obstacle):
+        best, diverges = PAST_SOLIDS[config.liquid.collision]
+        limit = f"<= {best:g} past solids, {most:g} at all"
+        source = f"measured past a cylinder, {config.liquid.collision}: {diverges:g} diverges, {best:g} holds"
+        least = config.spacing * best / value
+        finer = whole_spacing(config.domain.size, least) or rounded_down(least)
+        cure = f'collision = "central" has no such limit; domain.spacing = {finer:.9g} is fine enough'
+    return judged(
+        "grid Reynolds number", "U dx/nu", value, ok=value <= best * (1 + 1e-9), legal=value <= most, limit=limit,
+        source=source, cure=cure, key=SPACING, forceable=True,
+    )  # fmt: skip
 
 
 def walled(config: LbmDemConfig) -> bool:

@@ -83,3 +83,41 @@ def test_arrays_of_a_heap_at_rest_are_told_that_its_contacts_are_soft(tmp_path, 
         found = next(one for one in derived(configure(loads(text))) if one.name == "overlap at the start")
         assert ("normal_stiffness = 1.2e+06 where it was made" in found.cure) == (given and soft)
         assert ("move it" in found.cure) != (given and soft)
+
+
+CYLINDER = """
+simulation = { end_time = 9.0; };
+domain = { size = [2.2, 0.41]; spacing = 0.01; };
+fluid = { density = 1.0; kinematic_viscosity = 1.0e-3; time_step = 4.0e-4; };
+boundary = ({ face = "x-"; type = "velocity"; velocity = [1.0, 0.0]; profile = "parabolic"; },
+            { face = "x+"; type = "pressure"; pressure = 0.0; });
+"""
+DISC = "grains = ({ diameter = 0.1; moving = false; position = [0.2, 0.2]; });"
+WALL = "obstacle = ({ shape = { box = { low = [0.15, 0.15]; high = [0.25, 0.25]; }; }; });"
+
+
+@pytest.mark.parametrize("solid", [DISC, WALL])
+@pytest.mark.parametrize(
+    "sets, value, verdict",
+    [
+        ((), 15.0, "warn"),  # it diverges at 0.8 s
+        (("fluid.kinematic_viscosity=1.5e-3",), 10.0, "warn"),  # at 1.7 s
+        (("domain.spacing=0.005",), 7.5, "ok"),
+        (('fluid.collision="central"',), 15.0, "ok"),
+        (('fluid.collision="BGK"', "domain.spacing=0.005"), 7.5, "warn"),  # at 0.1 s, with nodes of 0.01 m
+        (("fluid.kinematic_viscosity=3.0e-4",), 50.0, "fail"),
+    ],
+)
+def test_a_coarse_flow_past_solids_is_warned_of(solid, sets, value, verdict):
+    """No shear layer without walls says how coarse it may be: that holds up to 43."""
+
+    def number(*sets, text=CYLINDER + solid):
+        return next(one for one in derived(configure(loads(text, sets=sets))) if one.name == "grid Reynolds number")
+
+    found = number(*sets)
+    assert (found.value, found.verdict) == (pytest.approx(value), verdict)
+    assert verdict == "fail" or number(*sets, text=CYLINDER).verdict == "ok"
+    if found.cure:
+        spacing = found.cure.split("domain.spacing = ")[1].split()[0]
+        for cure in ('fluid.collision="central"', f"domain.spacing={spacing}"):
+            assert number(*sets, cure).verdict == "ok"
