@@ -201,7 +201,12 @@ class Coupling(Section):
 
 
 class Shaking(Section):
-    acceleration: Vector = setting(REQUIRED, "amplitude of the frame's acceleration", "m/s2")
+    acceleration: Vector = setting(
+        REQUIRED,
+        "amplitude a of the acceleration a sin(2 pi f t) of the frame, in which all is told: fluid and grains that "
+        "move are pushed by -a sin(2 pi f t)",
+        "m/s2",
+    )
     frequency: float = setting(REQUIRED, "cycles per second", "1/s", gt=0)
 
 
