@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +20,7 @@ from lbmdem.grains.arrays import CONTACTS, GRAINS, STEP
 from lbmdem.grains.contact_list import ContactList, Springs
 from lbmdem.grains.grains import STATE, Grains, replicated
 from lbmdem.kernels.grains import contact_forces, films, motion
-from lbmdem.kernels.grains.arrays import Box, Contacts, GrainArrays, GrainLists
+from lbmdem.kernels.grains.arrays import Box, Contacts, Frame, GrainArrays, GrainLists, Pushed
 from lbmdem.kernels.grains.substeps import distance_moved, substeps, wall_distance
 from lbmdem.physics.contact_law import LANES, PlaneWall, wall_rows
 from lbmdem.physics.lubrication import Film
@@ -31,7 +30,7 @@ WALL_SUBSTEPS = 512  # substeps for which the planes' places are made at a time
 MIN_SKIN, MAX_SKIN = 0.02, 0.5  # of the smallest radius
 SHORT_USE, LONG_USE = 60, 250  # substeps: a list used for fewer or more changes the skin, but no result
 NO_FILM = Film(0.0, 0.0, 3)
-UNSHAKEN = {"each": 1, "accelerations": np.zeros((0, 3)), "constant": np.zeros((0, 3))}  # for the kernel `substeps`
+UNSHAKEN = Frame(0, 1, np.zeros((0, 3)), np.zeros((0, 3)))
 
 
 class Dem:
@@ -64,7 +63,7 @@ class Dem:
         sizes = {"parts": parts, "cuts": parts + 1, "walls": len(walls) + 1}
         sizes |= dict.fromkeys(("grains", "rows", "slots", "entries"), LANES)  # to begin with
         self.arena = arena = Arena((*GRAINS, *CONTACTS, *STEP), **sizes)
-        arena.group(grains=GrainArrays, contacts=Contacts, lists=GrainLists, box=Box)
+        arena.group(grains=GrainArrays, contacts=Contacts, lists=GrainLists, box=Box, pushed=Pushed)
         self.gravity = np.zeros(3)
         self.gravity[: len(acceleration)] = acceleration
         law = ContactLaw._make(value if isinstance(value, bool) else float(value) for value in law)
@@ -124,8 +123,7 @@ class Dem:
             arena.ask(films.fastest, **self._slots, rows="row", time=0.0)
         if self._serial:
             none = {"done": 0, "steps": 0, "begun": False, "skin": 0.0, "kernels": np.zeros((0, 2), np.int64)}
-            given = UNSHAKEN | {"first": 0, "numbers": "id", "listed": self._walls_listed}
-            arena.ask(substeps, **none, **given, motion=arena["walls"][None])
+            arena.ask(substeps, **none, frame=UNSHAKEN, motion=arena["walls"][None], listed=self._walls_listed)
         self._first_half = self._graph([self._start], [])
         self._contacts = self._graph(self._touch, [])
         self._second_half = self._graph(self._touch, self._finish)
@@ -194,7 +192,7 @@ class Dem:
             self._give(None, None)
             ends = (times[:, None] + np.arange(1, substeps + 1) * dt).ravel()
             self._set_dt(dt)
-            self._advance_alone(ends, {"each": substeps, "accelerations": accelerations, "constant": constant})
+            self._advance_alone(ends, Frame(0, substeps, accelerations, constant))
             return
         for acceleration, time in zip(accelerations, times.tolist()):
             own = slice(grains.n)
@@ -232,13 +230,13 @@ class Dem:
     def _slots(self) -> dict[str, int]:
         return {"n_slots": self.list.n_slots, "n_grain_slots": self.list.n_grain_slots}
 
-    def _advance_alone(self, ends: NDArray, frame: Mapping[str, Any]) -> None:
-        """Substeps that end at these times (s) in compiled code, without messages. frame: see `substeps`."""
+    def _advance_alone(self, ends: NDArray, frame: Frame) -> None:
+        """Substeps that end at these times (s) in compiled code, without messages."""
         for first in range(0, len(ends), WALL_SUBSTEPS):
-            self._advance_few(ends[first : first + WALL_SUBSTEPS], first, frame)
+            self._advance_few(ends[first : first + WALL_SUBSTEPS], frame._replace(first=first))
 
-    def _advance_few(self, ends: NDArray, first: int, frame: Mapping[str, Any]) -> None:
-        """The substeps from `first` on, which end at these times (s)."""
+    def _advance_few(self, ends: NDArray, frame: Frame) -> None:
+        """Those of as many as walls have their places made for at a time."""
         walls = self.arena["walls"]
         motions = walls[None]
         if any(wall.moves for wall in self.walls):
@@ -249,8 +247,7 @@ class Dem:
         team.want(bound.job for bound in bounds if not bound.ready)
         tasks = np.array([(bound.address, bound.context.ctypes.data) for bound in bounds])
         done, begun, steps = 0, False, len(ends)
-        given = dict(frame) | {"steps": steps, "kernels": tasks, "motion": motions, "listed": self._walls_listed}
-        given |= {"first": first, "numbers": "id"}
+        given = {"steps": steps, "kernels": tasks, "motion": motions, "listed": self._walls_listed, "frame": frame}
         while done < steps:
             outcome = self.arena.call(substeps, **given, done=done, begun=begun, skin=float(self.skin))
             begun = outcome < 0

@@ -17,6 +17,25 @@ class GrainArrays(NamedTuple):
     origin: NDArray
 
 
+class Pushed(NamedTuple):
+    """Forces that are given from outside, and numbers and masses of the grains that get them."""
+
+    given: NDArray
+    id: NDArray
+    mass: NDArray
+
+
+class Frame(NamedTuple):
+    """A shaken frame: `accelerations[m, d]` of steps of `each` substeps, of which `first` were done before; forces
+    constant[number, d] in a frame at rest. One that is not shaken has no accelerations.
+    """
+
+    first: int
+    each: int
+    accelerations: NDArray
+    constant: NDArray
+
+
 class Contacts(NamedTuple):
     """Slots of pairs that may touch."""
 

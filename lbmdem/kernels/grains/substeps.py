@@ -28,28 +28,27 @@ def wall_distance(walls, listed):
 
 
 @njit
-def shake(given, numbers, mass, constant, acceleration):
+def shake(pushed, constant, acceleration):
     """Forces in a frame of this acceleration [d]: constant[n, d] by numbers of grains less mass x acceleration."""
+    given, numbers, mass = pushed
     for i in range(constant.shape[0]):
         for c in range(constant.shape[1]):
             given[i, c] = constant[numbers[i], c] - mass[i] * acceleration[c]
 
 
 @njit
-def substeps(
-    done, steps, begun, skin, kernels, farthest, motion, walls, listed, first, each, accelerations, constant, given,
-    numbers, mass
-):  # fmt: skip
+def substeps(done, steps, begun, skin, kernels, farthest, motion, walls, listed, frame, pushed):
     """Substeps done..steps; kernels[m, 2] = (function, context) of the tasks of a substep, the first half first.
 
     motion[steps or 1] are the planes at the end of each. Stops in a step, after its first half, when the list is too
     old or a position is no number; `begun`: goes on there. Returns how many are done; -1 - that when stopped.
-    In a shaken frame every `each` substeps `shake` with the next of accelerations; `first` were done before these.
+    In a shaken frame forces change where a step of it begins.
     """
+    first, each, accelerations, constant = frame
     for k in range(done, steps):
         if not begun:
             if accelerations.shape[0] and (first + k) % each == 0:
-                shake(given, numbers, mass, constant, accelerations[(first + k) // each])
+                shake(pushed, constant, accelerations[(first + k) // each])
             call_address(kernels[0, 0], kernels[0, 1])
             if motion.shape[0] > 1:
                 for w in range(walls.shape[0]):
