@@ -1,5 +1,5 @@
 """Slips of a unit or of a place: densities of no liquid, water over the rim of its tank, hinges far from their body,
-sensors of pressure in plates, flows along round walls that slip.
+sensors of pressure in plates.
 """
 
 import math
@@ -25,7 +25,6 @@ def slips(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     yield from over_rims(config, scene)
     yield from hinges(config)
     yield from plates(config, scene)
-    yield from round_walls(config, scene)
 
 
 def densities(config: SphConfig) -> Iterator[Derived]:
@@ -109,16 +108,3 @@ def plates(config: SphConfig, scene: Scene) -> Iterator[Derived]:
                               f">= {reach / scene.spacing:.3g}", "warn", "it feels the fluid at the other face too",
                               f"a thicker {wall.name}, spacing = {deep[first - 1] * scene.spacing / reach:.2g}, or "
                               "measure_force, of both faces", ("gauge", i, "at"))  # fmt: skip
-
-
-def round_walls(config: SphConfig, scene: Scene) -> Iterator[Derived]:
-    """Tanks whose round side slips, and fluid that has a velocity along it from the start."""
-    if not any(fluid.flow or any(fluid.velocity) for fluid in config.fluid):
-        return
-    for wall in scene.walls:
-        across = wall.shape.sphere or wall.shape.cylinder
-        if across and not wall.section.solid and wall.rule.slips:
-            yield Derived(f"radius of {wall.name}, which slips", "R/dp", across.radius / scene.spacing, "", "", "warn",
-                          "its particles make it rough: water in rigid rotation lost 5 to 15 % of its spin in a fifth "
-                          "of a turn, measured", "no cure is known, a finer spacing is none",
-                          ("wall", wall.index, "shape"))  # fmt: skip

@@ -67,17 +67,3 @@ def test_a_sensor_in_a_plate_that_feels_both_faces_is_told(thick, sensor, warns)
                  gauge=f'( {{ name = "p"; what = "wall-pressure"; size = [0.0, 0.1]; {sensor} }} )')  # fmt: skip
     row = found.get("thickness of plate behind p")
     assert (row is not None and row.verdict == "warn") == warns
-
-
-@pytest.mark.parametrize("more, kind, warns", [
-    ("velocity = [0.1, 0.0];", "", True),
-    ("", "", False),  # it starts at rest
-    ("velocity = [0.1, 0.0];", 'type = "extrapolated-no-slip";', False),
-])  # fmt: skip
-def test_a_round_tank_that_brakes_water_which_moves_along_it_is_told(more, kind, warns):
-    disc = "shape = { sphere = { centre = [0.5, 0.5]; radius = 0.4; }; };"
-    found = told(fluid=f'( {{ name = "water"; {disc} {more} }} )', wall=f'( {{ name = "drum"; {kind} {disc} }} )')
-    number = found.get("radius of drum, which slips")
-    assert (number is not None) == warns
-    if number:
-        assert number.verdict == "warn" and number.value == pytest.approx(8.0)
