@@ -43,7 +43,7 @@ from sph.setup.particle_lattices import (
 from sph.setup.rigid.fit import Fitted, beside, fits
 from sph.setup.rigid.mass import rigid_of
 from sph.setup.rigid.packing import oblique, packed, share
-from sph.setup.rigid.rings import Rings
+from sph.setup.rigid.rings import Rings, is_round
 from sph.setup.rigid.surfaces import beside_a_film
 
 REST = 0.9  # of h: distance at which a repulsive layer holds the fluid (S(y) of (SC 9) is 0.25 there)
@@ -175,10 +175,8 @@ class Wall:
             ends = np.full(scene.dimensions, self.rule.repulsive) & ~scene.periodic
             ends &= not section.solid  # at outer edges a face must not push what is before another
             return Parts(box_sheets(low + recess * below, high - recess * above, self.closed, dp, section.solid, ends))
-        if not section.solid and (shape.sphere or (shape.cylinder and scene.dimensions == 3)) and fits(self):
-            return Rings(self)
         if fits(self) and not shape.box:
-            return Fitted(shape, dp, self.layers, section.solid, self._grid(ends=1))
+            return Rings(self) if is_round(self) else Fitted(shape, dp, self.layers, section.solid, self._grid(ends=1))
         return Filled(shape, dp, self.layers, section.solid, self._grid())
 
     @property

@@ -15,6 +15,12 @@ Reals = NDArray[np.float64]
 GOLDEN = math.pi * (3.0 - math.sqrt(5.0))  # between neighbours on a spiral over a sphere
 
 
+def is_round(wall: Any) -> bool:
+    """Whether a wall is a round tank: a disc, a ball, or in 3D a cylinder, that holds fluid."""
+    shape = wall.shape
+    return not wall.section.solid and bool(shape.sphere or (shape.cylinder and wall.scene.dimensions == 3))
+
+
 def ring(radius: float, spacing: float, first: float) -> Reals:
     """Unit vectors [n, 2] to points on a circle, about a spacing apart."""
     n = max(1, round(2.0 * math.pi * radius / spacing))
