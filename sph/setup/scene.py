@@ -170,8 +170,7 @@ class Wall:
             return Shell(low, high, dp, self.layers, self.closed)
         if shape.box and not continuous:
             recess = self.recess if section.solid else -self.recess
-            names = case.AXES[: scene.dimensions]
-            below, above = (np.array([axis + sign in self.closed for axis in names]) for sign in "-+")
+            below, above = (np.array([k + s in self.closed for k in case.AXES[: scene.dimensions]]) for s in "-+")
             ends = np.full(scene.dimensions, self.rule.repulsive) & ~scene.periodic
             ends &= not section.solid  # at outer edges a face must not push what is before another
             return Parts(box_sheets(low + recess * below, high - recess * above, self.closed, dp, section.solid, ends))
