@@ -4,10 +4,9 @@ import math
 from collections.abc import Iterator
 
 from hpcpic.core.case.derived import Derived, judged, rounded_down
-from hpcpic.core.case.gauge import AXES
 from hpcpic.core.errors import ConfigError
 from hpcpic.plasma.case.config import Equation, PlasmaConfig
-from hpcpic.plasma.forecast.scales import MOST_WITHOUT_FIELD
+from hpcpic.plasma.forecast.scales import MOST_WITHOUT_FIELD, field_axes
 from hpcpic.plasma.physics.poisson import green, operator_of, strongest_response
 
 EQUATION = ("field", "equation")
@@ -23,15 +22,14 @@ def field_strength(config: PlasmaConfig) -> float:
 
 
 def field_equation(config: PlasmaConfig) -> Iterator[Derived]:
-    """Whether there is a field along all axes, whether those of all waves end, whether forces are mutual, and whether
-    clouds leave one in the box.
+    """Whether there is a field, whether those of all waves end, whether forces are mutual, and whether clouds leave one
+    in the box.
     """
-    for axis, n in zip(AXES, config.points):
-        if n <= MOST_WITHOUT_FIELD:
-            yield judged(
-                f"points along {axis}", f"N{axis}", n, limit=f"> {MOST_WITHOUT_FIELD}", ok=False, legal=True,
-                source="(5.13): differences over two cells", cure=f"no field along {axis}: more points", key=POINTS,
-            )  # fmt: skip
+    if not field_axes(config):
+        yield judged(
+            "most points of an axis", "N", max(config.points), limit=f"> {MOST_WITHOUT_FIELD}", ok=False, legal=True,
+            source="(5.13): differences over two cells", cure="there is no field: more points", key=POINTS,
+        )  # fmt: skip
     equation, radius = config.field.equation, config.numerics.cloud_radius
     source = "thesis (5.7)"
     if equation != Equation():

@@ -212,7 +212,7 @@ def test_compare_of_runs_of_different_length_is_exit_3(toy):
     for name, steps in (("a", 10), ("b", 20)):
         toy("run", "ring.conf", "-o", name, "--threads", "1", steps=steps)
     done = toy("compare", "a", "b")
-    assert done.returncode == 3 and "different steps" in done.stderr
+    assert done.returncode == 3 and "different times" in done.stderr
 
 
 def test_compare_of_runs_without_output_looks_at_their_final_states(toy):
