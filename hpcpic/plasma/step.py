@@ -53,6 +53,9 @@ class Plasma:
         self.spec = PushSpec.of(scene, scalars.moments())
         self.field_scale = self._field_scale()
         self._drivers = self._compiled_drivers()
+        self._before_turn = {
+            steps: np.ravel([species.before_turn(steps) for species in scene.species]) for steps in (-0.5, 1.0)
+        }
         self.balance = Balance(world, self, self._take)
         self.lay_out(first_cuts(config, world.size))
         self.scalar_units = scalars.units(scene.dimensions)
@@ -141,8 +144,8 @@ class Plasma:
     def _drive(self, time: float, steps: float) -> None:
         """The impulse of accelerations of the user's own for so many steps, before the mover turns it."""
         if self._drives:
-            before = np.array([species.before_turn(steps) for species in self.scene.species])
-            self.cloud.arena["moment"][:] = np.concatenate([[time, self.time_step], before.ravel()])
+            self.cloud.arena["moment"][:2] = time, self.time_step
+            self.cloud.arena["moment"][2:] = self._before_turn[steps]
             self.cloud.each(self._drives)
 
     def solve(self) -> None:

@@ -103,13 +103,10 @@ class Scene:
 
     def shaken(self, t: float) -> NDArray[np.float64]:
         """Acceleration of the frame at time t, in m/s2."""
-        shaking = self.config.shaking
-        if shaking is None:
-            return np.zeros(self.dimensions)
-        return np.array(shaking.acceleration) * math.sin(2.0 * math.pi * shaking.frequency * t)
+        return self.shaken_at(np.array([t]))[0]
 
     def shaken_at(self, times: NDArray) -> NDArray[np.float64]:
-        """Accelerations [m, d] of the frame at times [m], the bits of `shaken`."""
+        """Accelerations [m, d] of the frame at times [m], in m/s2."""
         shaking = self.config.shaking
         if shaking is None:
             return np.zeros((len(times), self.dimensions))

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.core.space.elementary import cos, sin
 from hpcpic.core.space.products import product
 from sph.setup.particle_lattices import Found, along, even
 
@@ -25,7 +26,7 @@ def ring(radius: float, spacing: float, first: float) -> Reals:
     """Unit vectors [n, 2] to points on a circle, about a spacing apart."""
     n = max(1, round(2.0 * math.pi * radius / spacing))
     angle = 2.0 * math.pi * (np.arange(n) + first) / n
-    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return np.stack([cos(angle), sin(angle)], axis=1)
 
 
 def ball(radius: float, spacing: float) -> Reals:
@@ -33,7 +34,7 @@ def ball(radius: float, spacing: float) -> Reals:
     n = max(1, round(4.0 * math.pi * (radius / spacing) ** 2))
     z = 1.0 - (2.0 * np.arange(n) + 1.0) / n
     flat, angle = np.sqrt(1.0 - z * z), GOLDEN * np.arange(n)
-    return np.stack([flat * np.cos(angle), flat * np.sin(angle), z], axis=1)
+    return np.stack([flat * cos(angle), flat * sin(angle), z], axis=1)
 
 
 class Rings:
