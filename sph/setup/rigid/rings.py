@@ -1,4 +1,4 @@
-"""Particles of round tanks, in layers along their sides: on a lattice they are a rough surface, along which pressure
+"""Particles of round walls, in layers along their sides: on a lattice they are a rough surface, along which pressure
 pushes, and water that turned in a disc that slips lost a tenth of its energy in a fifth of a turn.
 """
 
@@ -11,20 +11,26 @@ from numpy.typing import NDArray
 from hpcpic.core.space.elementary import cos, sin
 from hpcpic.core.space.products import product
 from sph.setup.particle_lattices import Found, along, even
+from sph.setup.rigid.fit import outward
 
 Reals = NDArray[np.float64]
 GOLDEN = math.pi * (3.0 - math.sqrt(5.0))  # between neighbours on a spiral over a sphere
 
 
 def is_round(wall: Any) -> bool:
-    """Whether a wall is a round tank: a disc, a ball, or in 3D a cylinder, that holds fluid."""
-    shape = wall.shape
-    return not wall.section.solid and bool(shape.sphere or (shape.cylinder and wall.scene.dimensions == 3))
+    """Whether a wall lies in layers: a disc, a ball, or in 3D a cylinder, around fluid or a solid that slips. A solid
+    that sticks keeps its lattice: between cylinders that turn its torque is as near to theory, or nearer.
+    """
+    shape, smooth = wall.shape, wall.rule.slips or not wall.section.solid
+    return smooth and bool(shape.sphere or (shape.cylinder and wall.scene.dimensions == 3))
 
 
 def ring(radius: float, spacing: float, first: float) -> Reals:
-    """Unit vectors [n, 2] to points on a circle, about a spacing apart."""
-    n = max(1, round(2.0 * math.pi * radius / spacing))
+    """Unit vectors [n, 2] to points on a circle, about a spacing apart; they are their own mirror image, n being even,
+    unless they are a few around the middle.
+    """
+    half = math.pi * radius / spacing
+    n = 2 * round(half) if half > 4.0 else max(1, round(2.0 * half))
     angle = 2.0 * math.pi * (np.arange(n) + first) / n
     return np.stack([cos(angle), sin(angle)], axis=1)
 
@@ -38,7 +44,7 @@ def ball(radius: float, spacing: float) -> Reals:
 
 
 class Rings:
-    """The layers behind the side of a disc, ball or cylinder that holds fluid."""
+    """The layers behind the side of a disc, ball or cylinder: around the fluid that it holds, or within a solid."""
 
     def __init__(self, wall: Any) -> None:
         depths = (np.arange(wall.layers) + 0.5) * wall.scene.spacing
@@ -53,31 +59,46 @@ class Rings:
 
 
 def round_all_over(wall: Any, depths: Reals) -> tuple[Reals, Reals]:
-    """x[n, d] and normals of the particles around a disc or a ball."""
+    """x[n, d] and normals of the particles of a disc or a ball, or of those around one."""
     d, dp, sphere = wall.scene.dimensions, wall.scene.spacing, wall.shape.sphere
-    radii = sphere.radius + depths
-    out = [ring(radius, dp, 0.5 * k) if d == 2 else ball(radius, dp) for k, radius in enumerate(radii)]
+    side = outward(wall)
+    radii = sphere.radius - side * depths
+    radii = radii[radii > 0.0]
+    out = [ring(radius, dp, 0.5 * (k % 2)) if d == 2 else ball(radius, dp) for k, radius in enumerate(radii)]
     centre = np.array(sphere.centre)[:d]
-    return np.concatenate([centre + radius * to for radius, to in zip(radii, out)]), -np.concatenate(out)
+    return np.concatenate([centre + radius * to for radius, to in zip(radii, out)]), side * np.concatenate(out)
 
 
 def pipe(wall: Any, depths: Reals) -> tuple[Reals, Reals]:
-    """x[n, 3] and normals of the particles around a cylinder; along a periodic axis it has no ends."""
-    cylinder, dp, scene = wall.shape.cylinder, wall.scene.spacing, wall.scene
-    base, way = np.array(cylinder.base), np.array(cylinder.top) - np.array(cylinder.base)
+    """x[n, 3] and normals of the particles of a cylinder, or of those around one; along a periodic axis it has no ends.
+    """
+    cylinder, dp, scene, side = wall.shape.cylinder, wall.scene.spacing, wall.scene, outward(wall)
+    radius, base, way = cylinder.radius, np.array(cylinder.base), np.array(cylinder.top) - np.array(cylinder.base)
     length = float(np.sqrt(product(way, way)))
-    axis = way / length
-    across, ends = along(axis), np.concatenate([-depths[::-1], length + depths])
-    if wall.through.any():
+    axis, endless = way / length, bool(wall.through.any())
+    across = along(axis)
+    if endless:
         k = int(np.argmax(wall.through))
-        base[k], length, ends, axis = scene.low[k], float((scene.high - scene.low)[k]), ends[:0], np.abs(axis)
+        base[k], length, axis = scene.low[k], float((scene.high - scene.low)[k]), np.abs(axis)
+    heights, inner = even(0.0, length, dp), even(0.0, radius, dp)
+    if side > 0.0:
+        inner = radius - (np.arange(len(depths), math.ceil(radius / dp)) + 0.5) * dp
+    elif not endless:
+        heights = np.concatenate([-depths[::-1], heights, length + depths])
     x, normal = [], []
-    for n, height in enumerate(np.sort(np.concatenate([even(0.0, length, dp), ends]))):
-        beyond = max(-height, height - length, 0.0)
-        inner = even(0.0, cylinder.radius, dp) if beyond else ends[:0]
-        for k, radius in enumerate(np.concatenate([inner, cylinder.radius + depths])):
-            to = product(ring(radius, dp, 0.5 * ((n + k) % 2)), across)
-            x.append(base + height * axis + radius * to)
-            back = max(radius - cylinder.radius, 0.0) * to + (beyond if height > 0.0 else -beyond) * axis
-            normal.append(-back / np.sqrt(np.sum(back * back, axis=1))[:, None])
+    for n, height in enumerate(heights):
+        off = max(-height, height - length)  # of the nearer end, into what is beyond it
+        full = not endless and (off > 0.0 if side < 0.0 else off > -len(depths) * dp)
+        radii = np.concatenate([inner, radius - side * depths] if full else [radius - side * depths])
+        for k, r in enumerate(radii[radii > 0.0]):
+            to = product(ring(r, dp, 0.5 * ((n + k) % 2)), across)
+            x.append(base + height * axis + r * to)
+            out = math.copysign(1.0, height - 0.5 * length) * axis
+            if endless or (side > 0.0 and radius - r <= -off):
+                back = to
+            elif side > 0.0:
+                back = np.broadcast_to(out, to.shape)
+            else:
+                back = max(r - radius, 0.0) * to + max(off, 0.0) * out
+            normal.append(side * back / np.sqrt(np.sum(back * back, axis=1))[:, None])
     return np.concatenate(x), np.concatenate(normal)
