@@ -1,0 +1,84 @@
+"""Friction of particles that are pressed together, beside what drags and moves solids in slow flow and bodies in deep
+fluid.
+
+Particles lie in an order, which fluid that goes around a solid breaks and makes anew. Rates of density see that order,
+so it takes work against the pressure, as friction does: a stress of a share of the pressure, whatever the viscosity,
+the spacing and the speed. Rates with corrected gradients see none of it.
+"""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from hpcpic.core.case.derived import Derived, judged
+from sph.case import geometry
+from sph.case.config import SphConfig
+from sph.setup.scene import Scene, Wall
+
+SHARE = (1.3, 1.5, 1.6, 1.8, 2.0), (0.042, 0.014, 0.010, 0.0051, 0.0031)  # stress over pressure, by h/dp: a disc sinks
+SHIFTED = 0.0025  # with `shifting`, h/dp 1.6; 2.0: 0.0020
+SLIPS = 0.17  # of it, around a body that slips
+SLOW = 100.0  # v R / nu, beyond which inertia moves the fluid
+STRESS = 3.0  # mu v / R: of slow flow on a cylinder between others or beside walls, where walls drive it
+PULLED = 2.5  # rho a R: where a body force does
+MOST = 0.05
+
+
+def friction(config: SphConfig, scene: Scene) -> Iterator[Derived]:
+    """Its share in the weight less buoyancy of bodies, and in the viscous stress on solids in slow flow."""
+    numerics, g = config.numerics, float(np.linalg.norm(scene.gravity))
+    if numerics.gradient_correction or not config.fluid:
+        return
+    part = SHIFTED if numerics.shifting else float(np.interp(numerics.smoothing, *SHARE))
+    source = f"{part:.2g} of the pressure, where particles pass a solid, measured"
+    cure = "gradient_correction = true, in 1.4 of the time" if numerics.smoothing >= 2.0 else (
+        "gradient_correction = true, in 1.4 of the time; or smoothing = 2.0, with less of it")  # fmt: skip
+    for wall in scene.walls:
+        if not (wall.section.solid and wall.rule.layered):
+            continue
+        radius, stress = radius_of(wall), part * pressure_at(scene, wall)
+        if wall.rigid and g:
+            stress *= SLIPS if wall.rule.slips else 1.0
+            density = wall.rigid.mass / geometry.volume(wall.shape)
+            whole = abs(density - scene.rho0) * g * radius / scene.dimensions
+            name, symbol = f"friction of pressed particles on {wall.name}", "of its weight less buoyancy"
+        elif scene.viscosity and not wall.rule.slips:
+            nu, pull = scene.viscosity / scene.rho0, float(np.linalg.norm(scene.acceleration))
+            fastest = config.eos.max_velocity or 0.0
+            if min(fastest, pull * radius**2 / (4 * nu) or math.inf) * radius > SLOW * nu:
+                continue
+            driven, pulled = STRESS * scene.viscosity * fastest / radius, PULLED * scene.rho0 * pull * radius
+            whole = min(driven, pulled or math.inf)
+            name, symbol = f"friction of pressed particles past {wall.name}", "of the viscous stress"
+        else:
+            continue
+        value = stress / whole if whole else math.inf
+        if stress and math.isfinite(value):
+            yield judged(name, symbol, value, limit=f"<= {MOST:g}", ok=value <= MOST, legal=True, source=source,
+                         cure=cure, key=("numerics", "gradient_correction"))  # fmt: skip
+
+
+def radius_of(wall: Wall) -> float:
+    """Half the least extent of a solid, m."""
+    low, high = map(np.array, geometry.bounds(wall.shape))
+    return float(np.min((high - low)[~wall.through], initial=math.inf)) / 2
+
+
+def pressure_at(scene: Scene, wall: Wall) -> float:
+    """Pa at the middle of a solid; for a body that sinks or rises, halfway."""
+    g, background = scene.gravity, scene.eos.background
+    if not g.any():
+        return background
+    k = int(np.argmax(np.abs(g)))
+    sign = -math.copysign(1.0, g[k])  # up
+    ends = [sorted(sign * end[k] for end in geometry.bounds(fluid.section.shape)) for fluid in scene.fluids if fluid.n]
+    if not ends:
+        return 0.0
+    bottom, top = min(low for low, _ in ends), max(high for _, high in ends)
+    low, high = (np.array(end) for end in geometry.bounds(wall.shape))
+    middle = sign * (low[k] + high[k]) / 2
+    if wall.rigid:
+        heavy = wall.rigid.mass > scene.rho0 * geometry.volume(wall.shape)
+        middle = (middle + (bottom if heavy else top)) / 2
+    return scene.rho0 * abs(g[k]) * min(max(top - middle, 0.0), top - bottom) + background
