@@ -25,6 +25,11 @@ def clock(seconds: float) -> str:
     return f"{s // 3600:02d}:{s // 60 % 60:02d}:{s % 60:02d}"
 
 
+def plain(value: float) -> str:
+    """Three digits or all before the point, and no power of ten: 0.544, 54.4, 5444."""
+    return f"{value:.0f}" if value >= 999.5 else f"{value:.3g}"
+
+
 def rate(per_second: float, unit: str) -> str:
     """32.5 M<unit>/s with a prefix that keeps one to three digits before the point."""
     per_second = float(f"{per_second:.3g}")  # first, or 999.9 would be 1e+03
@@ -111,7 +116,7 @@ class Progress:
         of = f"/{self.last}" if self.last is not None else ""
         items = [
             f"step {step}{of}", f"{done:.1f} %", f"left {left}", f"t {t:.3e}/{end:.3e} s", f"dt {dt:.2e}",
-            f"{speed:.3g} step/s", rate(speed * self.items, self.unit), self._change,
+            f"{plain(speed)} step/s", rate(speed * self.items, self.unit), self._change,
         ]  # fmt: skip
         self._shown, self._shown_step, self._shown_at = now, step, at
         self.lines += 1

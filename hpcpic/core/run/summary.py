@@ -14,7 +14,7 @@ from collections.abc import Collection, Mapping
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
-from hpcpic.core.run.progress import rate
+from hpcpic.core.run.progress import plain, rate
 
 if TYPE_CHECKING:  # `estimate` uses the words below, and answers sooner without numpy
     from hpcpic.core.comm.world import World
@@ -191,8 +191,8 @@ def _head(facts: Mapping[str, Any]) -> list[str]:
     where = f"{several(facts['ranks'], 'rank')} x {several(facts['threads'], 'thread')}"
     return [
         f"{facts['status']}: {facts['reason']}" if facts["reason"] else facts["status"],
-        f"{count(facts['steps'])} steps, t = {facts['time']:.4g} s, {facts['wall_seconds']:.3g} s on {where}"
-        f", {stepping:.3g} s of steps and output   {speed:.4g} step/s   {work}",
+        f"{count(facts['steps'])} steps, t = {facts['time']:.4g} s, {plain(facts['wall_seconds'])} s on {where}"
+        f", {plain(stepping)} s of steps and output   {plain(speed)} step/s   {work}",
     ]
 
 

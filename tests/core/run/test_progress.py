@@ -3,7 +3,7 @@ import io
 import pytest
 
 from hpcpic.core.run import progress
-from hpcpic.core.run.progress import Progress, clock, rate
+from hpcpic.core.run.progress import Progress, clock, plain, rate
 
 
 class Terminal(io.StringIO):
@@ -114,6 +114,7 @@ def test_clock_and_rate():
     ]
     assert [rate(n, "p") for n in (1.0, 2.5e3, 3.25e7)] == ["1 p/s", "2.5 kp/s", "32.5 Mp/s"]
     assert [rate(n, "p") for n in (999.4, 999.9, 999.6e3)] == ["999 p/s", "1 kp/s", "1 Mp/s"]
+    assert [plain(n) for n in (0.0, 0.54321, 999.4, 999.6, 12345.6)] == ["0", "0.543", "999", "1000", "12346"]
 
 
 def test_where_the_number_of_steps_is_not_known_time_tells_how_far_it_is(now):
