@@ -32,8 +32,9 @@ def friction(config: SphConfig, scene: Scene) -> Iterator[Derived]:
         return
     part = SHIFTED if numerics.shifting else float(np.interp(numerics.smoothing, *SHARE))
     source = f"{part:.2g} of the pressure, where particles pass a solid, measured"
-    cure = "gradient_correction = true, in 1.4 of the time" if numerics.smoothing >= 2.0 else (
-        "gradient_correction = true, in 1.4 of the time; or smoothing = 2.0, with less of it")  # fmt: skip
+    least = SHARE[1][-1]
+    cure = f"smoothing = 2.0, with {least / part:.2g} of it; or " if least < 0.5 * part else ""
+    cure += "gradient_correction = true, with none, where fluid is pressed everywhere"
     for wall in scene.walls:
         if not (wall.section.solid and wall.rule.layered):
             continue
