@@ -1,6 +1,7 @@
 """Laws of the whole step: same bits for any ranks, threads, blocks and after a restart; conservation; reversal."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -264,4 +265,21 @@ def test_particles_that_are_rounded_alike_are_no_damage(points, precision):
         made.step()
         made.scalars()
     assert made.guard() is None
+    made.close()
+
+
+def test_a_full_tile_is_no_damage_and_a_particle_that_moves_in_it_is():
+    """One tile, and a cold beam whose places have the same last bits: what rounds a sum rounds it always one way."""
+    n = 2**17
+    made = plasma(n=n, points=[256], v=0.0, dt=0.1, init="quiet", extra="drift_velocity = [0.3];", ions=False)
+    for _ in range(20):
+        made.step()
+        made.scalars()
+    assert made.guard() is None
+    made.step()
+    made.cloud.arena["pool"][made.cloud.arena["head"][0], 0, 0, 0] += 1e-5
+    made.scalars()
+    told = made.guard() or ""
+    jump = float(re.search(r"mean position along .* \(by (\S+) m\), which", told)[1])
+    assert jump == pytest.approx(1e-5 / n, rel=0.2)  # cells are of 1 m; a place is seen to 2 x 2^-40 n = 2.4e-7 cells
     made.close()

@@ -57,6 +57,7 @@ class KeptMotion:
         self.per_part = 2.0**-PLACE_BITS * np.outer([one.m for one in species], spacing) / scene.time_step
         self.laws = laws(scene) if scene.n_particles >= MIN_PARTICLES else []
         self.rounding = 4.0 / charge_parts
+        self.seconds_per_mass = scene.time_step / self.mass if self.mass else 0.0
         self.per_cell = self.mass * float(spacing.max()) / scene.time_step
         self.edge_rounding = EDGE[self.dimensions] * float(np.finfo(real).eps)  # of a place in its tile, cells
         self.kept: Motion | None = None
@@ -75,16 +76,17 @@ class KeptMotion:
         for law in self.laws:
             turned = float(np.abs(law.turned).max(initial=0.0))
             changed = law.along @ (now.momentum - last.momentum) - np.sum(law.turned * way)
-            jumps = {"momentum": (changed, kicks + turned * places)}
+            jumps = {"momentum": (changed, kicks + turned * places, 1.0, "kg m/s")}
             if law.straight:
                 mean = 0.5 * law.along @ (now.momentum + last.momentum)
                 moved = (law.along[: self.dimensions] @ way.sum(axis=0) - steps * mean) / max(steps, 1)
-                jumps["mean position"] = (moved, kicks + places / max(steps, 1))
-            for what, (jump, allowed) in jumps.items():
+                metres = self.seconds_per_mass * max(steps, 1)
+                jumps["mean position"] = (moved, kicks + places / max(steps, 1), metres, "m")
+            for what, (jump, allowed, scale, unit) in jumps.items():
                 if abs(jump) > allowed:
                     where = ", ".join(f"{one:g}" for one in law.along)
-                    text = f"the {what} along ({where}) jumped between steps {last.step} and {now.step}"
-                    self.trouble = f"{text} (by {jump:.3g} kg m/s), which nothing in the scene can do: damaged memory"
+                    told = f"({where}) jumped between steps {last.step} and {now.step} (by {jump * scale:.3g} {unit})"
+                    self.trouble = f"the {what} along {told}, which nothing in the scene can do: damaged memory"
 
 
 def laws(scene: Scene) -> list[Law]:

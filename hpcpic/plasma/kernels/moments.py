@@ -18,7 +18,7 @@ DIM = 2  # axes of the grid
 VELOCITIES = 2  # components
 REAL = np.float64  # precision of the arithmetic
 MOMENTS = 3  # values that `integrands` gives
-CELL_PARTS = 2.0**PLACE_BITS
+CELL_PARTS, LAST_PART = 2.0**PLACE_BITS, 2**PLACE_BITS - 1
 SAMPLE_LIMBS = 2  # of three: with 2^-63 of the scale as last bit, which no double of a sum can show
 
 
@@ -46,10 +46,14 @@ def centred_velocity(x, v, where, field, half_kick):
 
 @inlined
 def add_place(found, total, anchor, n):
-    """found[2] += cells and parts of a cell of n particles, whose places from an anchor add up to a total."""
+    """found[2] += cells and parts of a cell, carried, of n particles whose places from an anchor add up to a total.
+
+    Of a page at most: its total is rounded by less than a part for each, that of a full tile by what tells damage.
+    """
     cells = np.floor(total)
-    found[0] += n * anchor + np.int64(cells)
-    found[1] += np.int64(np.rint((total - cells) * CELL_PARTS))
+    parts = found[1] + np.int64(np.rint((total - cells) * CELL_PARTS))
+    found[0] += n * anchor + np.int64(cells) + (parts >> PLACE_BITS)
+    found[1] = parts & LAST_PART
 
 
 @kernel
@@ -66,17 +70,17 @@ def moments(block, first, last, grid, field, pages, moment_sums):
     for part in range(first, last):
         where = anchor_in(part, grid, field.origin)
         for slot in range(part * grid.n_species, (part + 1) * grid.n_species):
-            kind, along, across, up = slot % grid.n_species, 0.0, 0.0, 0.0
+            kind = slot % grid.n_species
             page, used = np.int64(pages.head[slot]), (pages.count[slot] - 1) % PAGE + 1
             while page >= 0:
                 for place in range(used):
                     pack, lane = place // LANES, place % LANES
                     x, v = place_of(pool, page, pack, lane), pool[page, pack, DIM:, lane]
-                    along += np.float64(x[0]) - 0.5 * np.float64(v[0])
+                    add_place(places[kind, 0], np.float64(x[0]) - 0.5 * np.float64(v[0]), parts[part, 2], 1)
                     if DIM > 1:
-                        across += np.float64(x[1]) - 0.5 * np.float64(v[1])
+                        add_place(places[kind, 1], np.float64(x[1]) - 0.5 * np.float64(v[1]), parts[part, 1], 1)
                     if DIM == 3:
-                        up += np.float64(x[2]) - 0.5 * np.float64(v[2])
+                        add_place(places[kind, 2], np.float64(x[2]) - 0.5 * np.float64(v[2]), parts[part, 8], 1)
                     vx, vy, vz = centred_velocity(x, v, where, field, moment_sums.half_kick[kind])
                     found = integrands(vx, vy, vz, r[0] * vx * vx + r[1] * vy * vy + r[2] * vz * vz)
                     for k in range(MOMENTS):
@@ -85,11 +89,6 @@ def moments(block, first, last, grid, field, pages, moment_sums):
                     bad |= add_limbs(limbs[kind, k], values[k, :used], inv_scale[k])
                     limbs[kind, k, SAMPLE_LIMBS:] = 0
                 page, used = np.int64(pages.chain[page]), PAGE
-            add_place(places[kind, 0], along, parts[part, 2], pages.count[slot])
-            if DIM > 1:
-                add_place(places[kind, 1], across, parts[part, 1], pages.count[slot])
-            if DIM == 3:
-                add_place(places[kind, 2], up, parts[part, 8], pages.count[slot])
     return bad
 
 

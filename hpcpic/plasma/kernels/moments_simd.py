@@ -96,20 +96,20 @@ def moments(block, first, last, grid, field, pages, scratch, moment_sums):
     ratios, good = (r[0], r[1], r[2]), splat(E8, 0.0) <= 1.0
     places = moment_sums.places[block]
     for part in range(first, last):
+        row = grid.parts[part]
         spread_field(part, grid, field, to_lines)
         for slot in range(part * grid.n_species, (part + 1) * grid.n_species):
             kind = slot % grid.n_species
             m = (half_kick[kind, 0], half_kick[kind, 1], half_kick[kind, 2])
             page, used, n = np.int64(pages.head[slot]), (pages.count[slot] - 1) % PAGE + 1, 0
             bits[:] = 0
-            along = across = up = splat(E8, 0.0)
-            parked = (LANES - used % LANES) % LANES if page >= 0 else 0  # at rest at EDGE of the last axis
             if page >= 0:
                 park(pages.pool, page, used)
             while page >= 0:
                 at, packs = base + page * PAGE_BYTES, (used + LANES - 1) // LANES
                 page = np.int64(pages.chain[page])
                 ahead = base + page * PAGE_BYTES if page >= 0 else at
+                along = across = up = splat(E8, 0.0)
                 for pack in range(packs):
                     find_lines(opaque(at + pack * PACK_BYTES), opaque(to_cells + pack * 64))
                 for pack in range(packs):
@@ -126,14 +126,14 @@ def moments(block, first, last, grid, field, pages, scratch, moment_sums):
                     good = add_moments(to_bits, good, half(vx, 0), half(vy, 0), half(vz, 0), ratios, inv_scale)
                     if HALVES == 2:
                         good = add_moments(to_bits, good, half(vx, 1), half(vy, 1), half(vz, 1), ratios, inv_scale)
+                at_edge = float(EDGE * (packs * LANES - used))  # parked, at rest at EDGE of the last axis
+                add_place(places[kind, 0], total(along) - (at_edge if DIM == 1 else 0.0), row[2], used)
+                if DIM > 1:
+                    add_place(places[kind, 1], total(across) - (at_edge if DIM == 2 else 0.0), row[1], used)
+                if DIM == 3:
+                    add_place(places[kind, 2], total(up) - at_edge, row[8], used)
                 n += packs * HALVES
                 used = PAGE
-            here, at_edge = grid.parts[part], float(EDGE * parked)
-            add_place(places[kind, 0], total(along) - (at_edge if DIM == 1 else 0.0), here[2], pages.count[slot])
-            if DIM > 1:
-                add_place(places[kind, 1], total(across) - (at_edge if DIM == 2 else 0.0), here[1], pages.count[slot])
-            if DIM == 3:
-                add_place(places[kind, 2], total(up) - at_edge, here[8], pages.count[slot])
             for k in range(MOMENTS):
                 for limb in range(SAMPLE_LIMBS):
                     limbs[kind, k, limb] += bits[k, limb].sum() - 8 * n * BIASES[limb]

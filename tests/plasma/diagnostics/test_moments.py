@@ -48,12 +48,14 @@ BOTH = [
 def test_vectors_sum_what_single_particles_do(world, law, precision):
     plasma = plasma_of(world, (*LAWS[law], f'numerics.precision="{precision}"'))
     values = plasma.scalars()
-    by_vectors = plasma.cloud.arena["limbs"].copy()
+    by_vectors, places = plasma.cloud.arena["limbs"].copy(), plasma.sums.places
     assert by_vectors[..., :2].all(axis=(0, 3)).any()
     plasma.cloud.kernels = plasma.cloud.spec.kernels(plain=True)
     plasma.sums = SeriesSums(plasma.scene, world, plasma.mesh, plasma.cloud, plasma.field_scale)
     assert plasma.scalars() == values
     np.testing.assert_array_equal(plasma.cloud.arena["limbs"], by_vectors)
+    apart = np.abs(np.array(plasma.sums.places, object) - np.array(places, object)).max(axis=1)
+    assert (apart <= plasma.sums.counts()).all()  # each place is rounded to 2^-40 of a cell
     plasma.close()
 
 
