@@ -14,8 +14,8 @@ from hpcpic.core.case.texts import value_text
 from hpcpic.plasma.analysis.predictions import Prediction, predict
 from hpcpic.plasma.analysis.series_analysis import Oscillation, fit_oscillation, signed
 from hpcpic.plasma.case.config import PlasmaConfig, Species, mode_columns
-from hpcpic.plasma.forecast.derived import fastest_turn
 from hpcpic.plasma.forecast.scales import spacing, total_plasma_frequency
+from hpcpic.plasma.forecast.turning import fastest_turn
 from hpcpic.plasma.physics.shapes import SHAPES
 from hpcpic.plasma.setup.loaders import LOADERS, loader_of
 

@@ -39,7 +39,7 @@ from hpcpic.plasma.analysis.particle_plots import (
 )
 from hpcpic.plasma.analysis.predictions import beams, compare_mode, config_of, predict
 from hpcpic.plasma.case.config import PlasmaConfig, mode_columns
-from hpcpic.plasma.forecast.derived import fastest_turn
+from hpcpic.plasma.forecast.turning import fastest_turn
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

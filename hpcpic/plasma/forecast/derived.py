@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 from hpcpic.core.case.config import Path
-from hpcpic.core.case.derived import Derived, Verdict, rounded_down
+from hpcpic.core.case.derived import Derived, Verdict
 from hpcpic.plasma.case.config import MOST_POINTS, Equation, PlasmaConfig, velocity_components
 from hpcpic.plasma.case.units import SYSTEMS, known_by_ratio
 from hpcpic.plasma.forecast.estimate import SERIES_SHARE, affordable_period, count_seconds, phases
@@ -15,13 +15,16 @@ from hpcpic.plasma.forecast.field_equation import field_equation, field_strength
 from hpcpic.plasma.forecast.noise import MAX_START_NOISE, noise, start_noise, weighted
 from hpcpic.plasma.forecast.rates import DEFAULT
 from hpcpic.plasma.forecast.scales import (
+    UNITS,
     charge_density,
     field_axes,
     plasma_frequency,
     spacing,
+    step_for,
     thermal_velocities,
     total_plasma_frequency,
 )
+from hpcpic.plasma.forecast.turning import fastest_turn, turning
 from hpcpic.plasma.physics.heating import HEATING, MIN_PER_CELL, energy_ratio
 from hpcpic.plasma.physics.poisson import operator_of, response
 from hpcpic.plasma.physics.quiet_start import recurrence_time
@@ -39,8 +42,6 @@ LARGEST = 1e75  # of a number in a case: products of four still are floating-poi
 NODE_CAPACITY = 2**19  # particles on one node that 64-bit fixed point with 44 fractional bits holds
 MOST_CELLS = 1e9  # that a particle may cross in a step
 LEAST_CHANGE = 1e-4  # change in a step below which steps are wasted
-MOST_TURN = 1e6  # wc dt beyond which round-off of the turn heats: in 40 steps by 1e-5 at 1e12, by 5 at 1e15, measured
-UNITS = 'are charge, mass and lengths in the case\'s units (units = "SI" or "normalised")?'
 TIME_STEP = ("simulation", "time_step")
 POINTS = ("grid", "points")
 BOOK = "Birdsall & Langdon"
@@ -158,26 +159,6 @@ def idle_steps(step: float) -> Derived:
     cure = f"a larger time_step does; {UNITS}"
     name, symbol, source = "largest change in a step", "max(wp dt, wc dt, v dt/dx)", "10 000 steps for one oscillation"
     return judged(name, symbol, step, f"> {LEAST_CHANGE:g}", "warn", source, cure, TIME_STEP)
-
-
-def fastest_turn(config: PlasmaConfig) -> float:
-    """Largest cyclotron frequency, rad/s."""
-    ratios = (abs(species.charge / species.mass) for species in config.species if species.particles)
-    return max(ratios, default=0.0) * math.hypot(*config.field.magnetic)
-
-
-def turning(config: PlasmaConfig, step: float) -> Derived:
-    """The angle by which a particle turns in a step."""
-    exact = config.numerics.exact_phase
-    most, good = (math.pi, math.pi) if exact else (MOST_TURN, 0.35)
-    limit = "< pi" if exact else "< 0.35 for the gyro-phase to 1 %" if step < most else f"< {most:g}"
-    cure = f"time_step = {step_for(config, 0.349, step):g}"
-    if step >= MOST_TURN:
-        cure += f", or a weaker field: a step only turns velocities round; {UNITS}"
-    elif exact or step < math.pi:
-        cure += f", or numerics.exact_phase = {'false' if exact else 'true'}"
-    verdict = verdict_of(step <= good, step < most)
-    return judged("turn per step", "wc dt", step, limit, verdict, f"{BOOK} ch. 4", cure, TIME_STEP, "rad")
 
 
 def resolution(config: PlasmaConfig) -> Iterator[Derived]:
@@ -302,13 +283,6 @@ def motion(config: PlasmaConfig) -> Iterator[Derived]:
         cure, verdict, source = "the equations of motion know no relativity", verdict_of(beta < 0.1), "gamma = 1.005"
         yield judged("speed against light", "v/c", beta, "< 0.1", verdict, source, cure, ("species",))
     yield Derived("velocity components", "", components)
-
-
-def step_for(config: PlasmaConfig, wanted: float, value: float) -> float:
-    """A time step that makes `wanted` of a value that grows with it; the present one where there is none."""
-    dt = config.simulation.time_step
-    step = abs(dt) * wanted / value if value else 0.0
-    return math.copysign(rounded_down(step), dt) if 0 < step < math.inf else dt
 
 
 def waves(config: PlasmaConfig) -> Iterator[Derived]:

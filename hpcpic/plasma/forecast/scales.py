@@ -2,14 +2,16 @@
 
 import math
 
+from hpcpic.core.case.derived import rounded_down
 from hpcpic.plasma.case.config import PlasmaConfig, Species, volume
 from hpcpic.plasma.setup.loaders import loader_of
 
+UNITS = 'are charge, mass and lengths in the case\'s units (units = "SI" or "normalised")?'
 MOST_WITHOUT_FIELD = 2  # points along an axis: a difference over two cells (5.13) is then none
 
 
 def plasma_frequency(config: PlasmaConfig, species: Species) -> float:
-    """wp of one species in rad/s: its own where the case gives it, else sqrt(n q^2 / (eps0 m))."""
+    """wp of one species at its mean density, rad/s: its own where the case gives it, else sqrt(n q^2 / (eps0 m))."""
     if not species.particles:
         return 0.0
     if species.plasma_frequency:
@@ -20,6 +22,7 @@ def plasma_frequency(config: PlasmaConfig, species: Species) -> float:
 
 
 def total_plasma_frequency(config: PlasmaConfig) -> float:
+    """wp of all species together at the mean density of the box, rad/s."""
     return math.hypot(0.0, *(plasma_frequency(config, species) for species in config.species))
 
 
@@ -44,3 +47,10 @@ def charge_density(config: PlasmaConfig, species: Species) -> float:
         wp = species.plasma_frequency
         return wp * wp * config.constants.vacuum_permittivity * species.mass / species.charge
     return (species.density or species.particles / volume(config)) * species.charge if species.particles else 0.0
+
+
+def step_for(config: PlasmaConfig, wanted: float, value: float) -> float:
+    """A time step that makes `wanted` of a value that grows with it; the present one where there is none."""
+    dt = config.simulation.time_step
+    step = abs(dt) * wanted / value if value else 0.0
+    return math.copysign(rounded_down(step), dt) if 0 < step < math.inf else dt

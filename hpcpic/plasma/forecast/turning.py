@@ -1,0 +1,42 @@
+"""How far a magnetic field turns particles in a step, and by how much their orbits are too large for it."""
+
+import math
+
+from hpcpic.core.case.derived import Derived, judged
+from hpcpic.plasma.case.config import PlasmaConfig
+from hpcpic.plasma.forecast.scales import UNITS, step_for
+
+MOST_TURN = 1e6  # wc dt beyond which round-off of the turn heats: in 40 steps by 1e-5 at 1e12, by 5 at 1e15, measured
+WIDER = 1.01  # radius of an orbit over the true one that is told
+
+
+def fastest_turn(config: PlasmaConfig) -> float:
+    """Largest cyclotron frequency, rad/s."""
+    ratios = (abs(species.charge / species.mass) for species in config.species if species.particles)
+    return max(ratios, default=0.0) * math.hypot(*config.field.magnetic)
+
+
+def larger_orbit(step: float, exact: bool) -> float:
+    """Radius of the orbit of particles that turn by `step` rad in a step, over v/wc.
+
+    A step is the chord v dt = 2 R sin(angle/2) of an orbit; half the angle is atan(wc dt/2), or wc dt/2 where exact.
+    """
+    return 0.5 * step / math.sin(0.5 * step) if exact else math.hypot(1.0, 0.5 * step)
+
+
+def turning(config: PlasmaConfig, step: float) -> Derived:
+    """The angle by which a particle turns in a step."""
+    exact = config.numerics.exact_phase
+    most, good = (math.pi, math.pi) if exact else (MOST_TURN, 0.35)
+    limit = "< pi" if exact else "< 0.35 for the gyro-phase to 1 %" if step < most else f"< {most:g}"
+    cure, source = f"time_step = {step_for(config, 0.349, step):g}", "Birdsall & Langdon ch. 4"
+    if step >= MOST_TURN:
+        cure += f", or a weaker field: a step only turns velocities round; {UNITS}"
+    elif exact or step < math.pi:
+        cure += f", or numerics.exact_phase = {'false' if exact else 'true'}"
+    if 0 < step < most and (larger := larger_orbit(step, exact)) > WIDER:
+        source += f"; the radii of orbits are {larger:.4g} times the true ones"
+    return judged(
+        "turn per step", "wc dt", step, unit="rad", limit=limit, ok=step <= good, legal=step < most, source=source,
+        cure=cure, key=("simulation", "time_step"),
+    )  # fmt: skip
