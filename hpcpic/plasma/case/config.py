@@ -129,7 +129,8 @@ class Species(Section):
     mass: Filled[float] = setting(None, "mass, of the same particle as charge", "kg", gt=0)
     density: float | None = setting(
         None,
-        "real particles per volume; a 1D box stands for 1 m2 of cross section, a 2D box for 1 m of depth",
+        "real particles per volume, the mean of the box; a 1D box stands for 1 m2 of cross section, a 2D box for 1 m "
+        "of depth",
         "1/m3",
         gt=0,
     )
@@ -164,7 +165,8 @@ class Species(Section):
     perturbation: Perturbation | None = None
     plasma_frequency: float = setting(
         0.0,
-        "in place of density: sets charge and mass of a macro-particle by their ratio as given; 0 = not given",
+        "in place of density, at the mean of the box: sets charge and mass of a macro-particle by their ratio as "
+        "given; 0 = not given",
         "rad/s",
         ge=0,
     )

@@ -10,6 +10,7 @@ from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived, Verdict
 from hpcpic.plasma.case.config import MOST_POINTS, Equation, PlasmaConfig, velocity_components
 from hpcpic.plasma.case.units import SYSTEMS, known_by_ratio
+from hpcpic.plasma.forecast.densest import at_densest, dense_frequency, densest
 from hpcpic.plasma.forecast.estimate import SERIES_SHARE, affordable_period, count_seconds, phases
 from hpcpic.plasma.forecast.field_equation import field_equation, field_strength, slowed_by_clouds
 from hpcpic.plasma.forecast.noise import MAX_START_NOISE, noise, start_noise, weighted
@@ -119,14 +120,17 @@ def mistaken_units(config: PlasmaConfig) -> Iterator[Derived]:
 def stability(config: PlasmaConfig) -> Iterator[Derived]:
     """wp dt and, with a magnetic field, wc dt."""
     dt = config.simulation.time_step
-    wp = total_plasma_frequency(config)
-    yield Derived("plasma frequency", "wp", wp, "rad/s")
-    step = abs(wp * dt) * math.sqrt(field_strength(config))
+    mean, wp, where = total_plasma_frequency(config), dense_frequency(config), at_densest(config)
+    yield Derived("plasma frequency", "wp", mean, "rad/s")
+    if where:
+        yield Derived(f"plasma frequency{where}", "wp max", wp, "rad/s")
+    strength = math.sqrt(field_strength(config))
+    step = abs(wp * dt) * strength
     limit = "<= 0.5" if step < 1.2 else "< 1.2, stable below 2"
     yield judged(
-        "time step", "wp dt", step, limit, verdict_of(step <= 0.5, step < 1.2), f"{BOOK} ch. 4",
+        f"time step{where}", "wp dt", step, limit, verdict_of(step <= 0.5, step < 1.2), f"{BOOK} ch. 4",
         f"time_step = {step_for(config, 0.499, step):g} or less", TIME_STEP,
-        forceable=step < 2, stable_below=2.0,
+        forceable=abs(mean * dt) * strength < 2, stable_below=2.0,
     )  # fmt: skip
     turn = fastest_turn(config) * abs(dt)
     if 0 < (change := max(step, turn, crossing(config))) < LEAST_CHANGE:
@@ -164,10 +168,10 @@ def idle_steps(step: float) -> Derived:
 def resolution(config: PlasmaConfig) -> Iterator[Derived]:
     """Debye length against the grid, and the heating that follows from it."""
     inverse_sq = [0.0] * config.dimensions
-    for species in config.species:
+    for species, denser in zip(config.species, densest(config)):
         wp = plasma_frequency(config, species)
         for axis, thermal in enumerate(thermal_velocities(config, species)):
-            inverse_sq[axis] += (wp / thermal) ** 2 if thermal > 0 else 0.0
+            inverse_sq[axis] += denser * (wp / thermal) ** 2 if thermal > 0 else 0.0
     axes = list(zip(inverse_sq, spacing(config), config.points))  # one point has no field along its axis
     ratios = [1 / math.sqrt(k) / dx if k > 0 and n > 1 else math.inf for k, dx, n in axes]
     ratio = min(ratios)
@@ -206,14 +210,16 @@ def shielding(config: PlasmaConfig, ratios: list[float], known: bool) -> Derived
     if less:
         cure += f"; less heating on this grid by {' or '.join(less)}"
     verdict, limit = verdict_of(ratio >= 0.5, ratio >= 0.03), ">= 0.5" if ratio >= 0.03 else ">= 0.03"
-    return judged("Debye length", "lambda_D/dx", ratio, limit, verdict, f"{BOOK} ch. 8", cure, POINTS, forceable=True)
+    name = f"Debye length{at_densest(config)}"
+    return judged(name, "lambda_D/dx", ratio, limit, verdict, f"{BOOK} ch. 8", cure, POINTS, forceable=True)
 
 
 def heated(config: PlasmaConfig, shape: str, ratio: float, more: float = 1.0, finer: float = 1.0) -> float:
     """W(end)/W(0) - 1 by the measured rates, with `more` times the particles and a `finer` grid; nan where too few."""
-    axes, particles = field_axes(config), sum(species.particles for species in config.species)
+    axes = field_axes(config)
+    particles = sum(species.particles * denser for species, denser in zip(config.species, densest(config)))
     per_cell = more * particles / (math.prod(config.points) * finer**axes)
-    time = total_plasma_frequency(config) * abs(config.simulation.time_step) * config.simulation.cycles
+    time = dense_frequency(config) * abs(config.simulation.time_step) * config.simulation.cycles
     start = start_noise(config) / more if axes == 1 else 0.0
     if per_cell < MIN_PER_CELL or not start < MAX_START_NOISE:
         return math.nan
@@ -292,9 +298,10 @@ def waves(config: PlasmaConfig) -> Iterator[Derived]:
         time, key = dt * config.simulation.cycles, ("simulation", "cycles")
         limit, source = ("", "") if fastest_turn(config) * time >= 1 else ("> 0.16", "wp t > 1")
         cure = f"the plasma does nothing in it: more cycles, a larger time_step; {UNITS}"
-        verdict = verdict_of(wp * time >= 1 or not limit)
-        periods = wp * time / (2 * math.pi)
-        yield judged("length of the run", "wp t/2pi", periods, limit, verdict, source, cure, key, "periods")
+        swung = dense_frequency(config) * time
+        verdict = verdict_of(swung >= 1 or not limit)
+        periods, name = swung / (2 * math.pi), f"length of the run{at_densest(config)}"
+        yield judged(name, "wp t/2pi", periods, limit, verdict, source, cure, key, "periods")
     for i, species in enumerate(config.species):
         if not species.perturbation:
             continue

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 from hpcpic.core.case.derived import Derived, judged
 from hpcpic.plasma.case.config import MOST_PARTICLES, PlasmaConfig, Species
+from hpcpic.plasma.forecast.densest import at_densest, densest
 from hpcpic.plasma.forecast.scales import field_axes, plasma_frequency, thermal_velocities, total_plasma_frequency
 from hpcpic.plasma.setup.loaders import Loader, loader_of, random_places
 from hpcpic.plasma.setup.macro_particles import macro_charge, macro_mass
@@ -36,7 +37,8 @@ def per_debye_length(config: PlasmaConfig, i: int, species: Species) -> Iterator
     lengths = (thermal[axis] / wp / config.simulation.space_length[axis] for axis in axes)
     value, name = species.particles * size * math.prod(lengths), f"{species.name} per Debye {ball}"
     if not random_places(species):
-        yield Derived(name, "N_D", value)
+        value *= densest(config)[i] ** (1 - len(axes) / 2)  # lambda_D goes as 1/sqrt(n)
+        yield Derived(f"{name}{at_densest(config)}", "N_D", value)
         return
     cure = more_particles(i, species, MIN_PER_DEBYE / value if value else math.inf) or "a hotter or thinner plasma"
     yield judged(
