@@ -89,8 +89,8 @@ def drift_warnings(species: Mapping[str, Any]) -> Iterator[str]:
     word, cold = species.get("init_method"), not (species.get("thermal_velocity") or species.get("temperature"))
     if word is None:
         yield (
-            "init_method: not given: all particles have the drift_velocity; until now they made two opposite "
-            'beams, which is init_method = "opposite beams"'
+            "init_method: not given: all particles have the drift_velocity; two opposite beams, which the thesis makes "
+            'of it, are init_method = "opposite beams"'
         )
     elif word == "default":
         yield f'init_method: "default" makes two opposite beams, without a mean drift; {ITS_DRIFT}'

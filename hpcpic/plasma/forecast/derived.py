@@ -180,7 +180,8 @@ def resolution(config: PlasmaConfig) -> Iterator[Derived]:
     plain = config.field.equation == Equation() and not config.numerics.cloud_radius
     measured = (config.numerics.shape, field_axes(config)) in HEATING
     known = plain and measured and config.numerics.gradient == "difference"
-    known = known and (field_axes(config) > 1 or velocity_components(config) == 1)  # in 1D all heat is along the axis
+    turned = field_axes(config) == 1 and velocity_components(config) > 1  # rates are of heat along the axis alone
+    scheme, known = known, known and not turned
     yield shielding(config, ratios, known)
     longest = max(1 / math.sqrt(k) / length for k, length in zip(inverse_sq, config.simulation.space_length) if k > 0)
     cure, key = f"no shielding in this box: the particles fly freely; {UNITS}", ("simulation", "space_length")
@@ -189,7 +190,8 @@ def resolution(config: PlasmaConfig) -> Iterator[Derived]:
     if known:
         yield heating(config, ratio)
     elif field_axes(config) == 1:
-        yield Derived("predicted heating", "dW/W", math.nan, source="no rates for this scheme in 1D")
+        which = f"{velocity_components(config)} velocity components" if scheme else "this scheme"
+        yield Derived("predicted heating", "dW/W", math.nan, source=f"no rates for {which} in 1D")
 
 
 def shielding(config: PlasmaConfig, ratios: list[float], known: bool) -> Derived:
@@ -343,7 +345,7 @@ def recurrence(config: PlasmaConfig, i: int) -> Iterator[Derived]:
     if damping * length < UNDAMPED:
         return
     time, wanted = recurrence_time(n, k, thermal, phase_velocity), RECURRENCE * length
-    name, limit = f"recurrence of {species.name}", f"> {wanted:.3g}, {RECURRENCE:g} runs"
+    name, limit = f"recurrence of {species.name}", f"> {wanted:.3g}, {RECURRENCE:g} times the run"
     cure = f"{wanted / time if time else math.inf:.2g} times the particles, or fewer places"
     verdict, source, key = verdict_of(time > wanted), "Landau damping to 1 %, measured", ("species", i, "particles")
     yield judged(name, "2 pi/(k dv)", time, limit, verdict, source, cure, key, "s")

@@ -244,7 +244,7 @@ def test_heating_on_a_line_counts_the_field_of_a_random_start_as_heat():
     [
         (["species[0].thermal_velocity=0.1"], "the field of the random start has 2.1 times the heat"),
         (['numerics.shape="NGP"'], "no rates for this scheme in 1D"),
-        (["field.magnetic=[0, 0, 1]"], "no rates for this scheme in 1D"),
+        (["field.magnetic=[0, 0, 1]"], "no rates for 3 velocity components in 1D"),
         (["numerics.cloud_radius=1"], "no rates for this scheme in 1D"),
         (["species[0].particles=64", "species[0].thermal_velocity=9"], "fewer than 8 particles per cell"),
     ],
