@@ -15,7 +15,7 @@ from hpcpic.core.api.numbers import whole, words
 from hpcpic.core.api.results import Run, ended, threads_of
 from hpcpic.core.api.simulation import Simulation
 from hpcpic.core.api.tables import Check, Forecast
-from hpcpic.core.api.texts import assignments, case_text, told_in_python
+from hpcpic.core.api.texts import assignments, called, case_text, told_in_python
 from hpcpic.core.app.app import App
 from hpcpic.core.app.read import Case as ReadCase
 from hpcpic.core.app.read import read_case
@@ -184,14 +184,18 @@ class Case:
 
     @contextmanager
     def _file(self) -> Iterator[str]:
-        """The case as a file: as it stands, or one that is written for the time being."""
+        """The case as a file: as it stands, or one for the time being, whose name errors do not tell."""
         if self._source is not None:
             yield self._source
             return
         with tempfile.TemporaryDirectory(prefix="hpcpic-") as folder:
             path = Path(folder) / self._read_case.path
             path.write_text(self._text, encoding="utf-8")
-            yield str(path)
+            try:
+                yield str(path)
+            except ConfigError as error:
+                name = f"{self._app.name}.Case"
+                raise ConfigError([called(told, str(path), name) for told in error.messages]) from None
 
     def simulation(self, *, threads: int | None = None, force: bool = False) -> Simulation:
         """The simulation in memory, at its initial state: use it in a `with`. Nothing is written. Collective.

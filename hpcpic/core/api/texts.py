@@ -24,6 +24,11 @@ def told_in_python() -> Iterator[None]:
         raise ConfigError([re.sub("^--set ", "changed: ", told) for told in error.messages]) from None
 
 
+def called(told: str, path: str, name: str) -> str:
+    """A message that begins with a place in a file that the user does not know, by the name of what the file holds."""
+    return re.sub(f"^{re.escape(path)}(:\\d+)*", lambda _: name, told)
+
+
 def assignments(changes: Mapping[str, Any], keep: Keep) -> Iterator[str]:
     """`key=value` of every key that changes; a mapping changes the keys in it, one by one. Raises ConfigError."""
     for key, value in changes.items():

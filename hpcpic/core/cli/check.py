@@ -108,8 +108,9 @@ def make_check_command(app_loader: AppLoader) -> click.Command:
             click.echo()
             for line in app.plan(read.config, ranks, threads):
                 click.echo(line)
-        failed = [number for number in numbers if number.verdict == "fail"]
-        if failed:
-            raise CheckFailed(f"{len(failed)} of {len(numbers)} derived numbers are beyond their limits")
+        verdicts = [number.verdict for number in numbers]
+        if failed := verdicts.count("fail"):
+            warned = f", {verdicts.count('warn')} more warn" if "warn" in verdicts else ""
+            raise CheckFailed(f"refused by {failed} of {len(numbers)} derived numbers{warned}")
 
     return check

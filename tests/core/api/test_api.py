@@ -192,6 +192,16 @@ def test_a_figure_comes_as_an_object(oscillation):
         oscillation.plot("nonsense")
 
 
+def test_a_run_that_is_refused_is_told_as_the_case_of_python(tmp_path):
+    """Not as the file that it is written to for the time being."""
+    electrons = {"charge": -1.0, "mass": 1.0, "plasma_frequency": 1.0, "particles": 64}
+    simulation = {"cycles": 2, "time_step": 5.0, "space_length": [16.0]}
+    case = hpcpic.Case(simulation=simulation, grid={"points": [16]}, species=[electrons])
+    for refused in (case.simulation, lambda: case.run(tmp_path / "run")):
+        with pytest.raises(hpcpic.ConfigError, match=r"^hpcpic\.Case: simulation\.time_step: time step wp dt = 5 "):
+            refused()
+
+
 @pytest.mark.parametrize(
     ("when", "told"),
     [

@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import re
 import resource
 import shutil
 import subprocess
@@ -86,6 +87,7 @@ def test_check_tells_limits_and_leaves_with_3_beyond_them(toy):
     done = toy("check", "ring.conf", courant=2)
     assert done.returncode == 3
     assert "Courant number" in done.stdout and "take courant = 1" in done.stdout and "CFL" in done.stdout
+    assert re.search(r"refused by 1 of \d+ derived numbers", done.stderr)
 
 
 def test_check_of_a_wrong_key_is_exit_2(toy):
