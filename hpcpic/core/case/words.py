@@ -6,7 +6,7 @@ what it includes; two in one file are a fault.
 
 import difflib
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 from hpcpic.core.case.config import Path, Tree, dotted
@@ -40,12 +40,14 @@ SYNONYMS = {  # what others call a key -> what it may be called here
 }
 
 
-def unknown(name: str, known: Iterable[str]) -> str:
-    """What is said of a name that is none of the known ones."""
+def unknown(name: str, known: Collection[str]) -> str:
+    """What is said of a name that is none of the known ones, which may be none at all."""
+    if not known:
+        return f"there is none in this case (got {name!r})"
     *others, last = map(repr, known)
     near = difflib.get_close_matches(name, known, 1, 0.5)
     hint = f"; did you mean {near[0]!r}?" if near else ""
-    return f"must be {', '.join(others)} or {last} (got {name!r}){hint}"
+    return f"must be {' or '.join(filter(None, (', '.join(others), last)))} (got {name!r}){hint}"
 
 
 def one_of(tree: Tree, paths: Iterable[Path]) -> Path | None:

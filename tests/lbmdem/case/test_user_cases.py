@@ -33,6 +33,12 @@ def refused(text: str, ranks: int = 1, force: bool = False) -> str:
 SAMPLE = shipped_cases()["quick-condition"].read_text()
 
 
+def test_a_gauge_of_a_case_without_fluid_has_no_field_to_read():
+    dry = BOX.split("fluid =")[0] + STILL.replace("moving = false; ", "")
+    gauge = 'gauge = ({ what = "velocity"; at = [0.001, 0.001]; });'
+    assert refused(dry + gauge).endswith(": gauge[0].what: there is none in this case (got 'velocity')")
+
+
 def packing(count: int, words: str) -> str:
     law = f"diameters = {{ min = 1.0e-3; max = 2.0e-3; count = {count}; }}"
     return f'{BOX}grains = ({{ name = "bed"; {law}; packing = {{ {words} }}; moving = false; }});'

@@ -104,6 +104,13 @@ def test_a_gauge_is_not_called_as_the_columns_that_tell_when(name):
     )
 
 
+def test_what_a_gauge_may_name_is_told_where_there_is_one_or_none():
+    gauge = '{ what = "elevation"; at = [0.5, 0.0]; fluid = "oil"; wall = "floor"; }'
+    told = refused(f"{BASE} gauge = ( {gauge} );")
+    assert "gauge[0].fluid: must be 'fluid_1' (got 'oil')" in told
+    assert "gauge[0].wall: there is none in this case (got 'floor')" in told
+
+
 def test_a_name_that_two_gauges_have_is_told_once():
     told = refused(f"{BASE} gauge = ( {FRONT}, {FRONT} );")
     assert "'a' is taken by gauge[0]" in told and told.count("gauge[1].name") == 1
