@@ -24,14 +24,17 @@ Judge = Callable[[tuple[str, ...]], str]  # settings -> verdict
 
 DOUBLINGS = 13  # finer or coarser than the case
 FINEST = 1e-3  # relative width at which the search for a legal size ends
-WAYS = (  # verdicts, what is said where all numbers have such ones, and where only the one that is to be cured has
-    (("ok", "warn"), "the nearest legal one", "the nearest legal one for this number; others still refuse the case"),
-    (("ok",), "without a warning", "without a warning of this number; others warn"),
+WAYS = (  # verdicts, what is said where all numbers have such ones, and where the one that is to be cured has
+    (("ok", "warn"), "the nearest legal one", "the nearest legal one for this number"),
+    (("ok",), "without a warning", "without a warning of this number"),
 )
+OTHERS = {"warn": "; others warn", "fail": "; others still refuse the case"}  # by the worst of all numbers
 
 
 def cures(app: App, read: Case, sets: Sequence[str], refused: Derived, ranks: int) -> list[str]:
-    """Lines, a way each: the nearest legal size of the knob, the nearest good one, other schemes, --force."""
+    """Lines, a way each: the nearest legal size of the knob, the nearest good one, other schemes, --force. Those come
+    first after which nothing refuses the case.
+    """
     if app.knobs is None:
         return []
     finder = Finder(app, read, tuple(sets), refused, ranks)
@@ -42,7 +45,8 @@ def cures(app: App, read: Case, sets: Sequence[str], refused: Derived, ranks: in
             for judge, words in ((finder.worst, all_are), (finder.verdict, this_is)):
                 assignments = finder.nearest(change, verdicts, judge)
                 if assignments:
-                    found.setdefault(assignments, words)
+                    worst = finder.worst(assignments)
+                    found.setdefault(assignments, words + ("" if worst in verdicts else OTHERS[worst]))
                     break
         if found:
             break
@@ -52,10 +56,14 @@ def cures(app: App, read: Case, sets: Sequence[str], refused: Derived, ranks: in
         for value in choice.others:
             assignments = (f"{dotted(choice.key)}={value}",)
             if finder.verdict(assignments) != "fail":
-                found.setdefault(assignments, "another scheme")
+                still = OTHERS["fail"] if finder.worst(assignments) == "fail" else ""
+                found.setdefault(assignments, f"another scheme{still}")
+    found = dict(sorted(found.items(), key=lambda way: finder.worst(way[0]) == "fail"))
     lines = [f"{' '.join(f'--set {word}' for word in a)}: {words}, {finder.cost(a)}" for a, words in found.items()]
     if refused.forceable:
-        lines.append(f"--force: runs it as it is, {finder.cost(())}")
+        firm = any(number.verdict == "fail" and not number.forceable for number in finder.numbers(()) or ())
+        words = f"lifts this limit{OTHERS['fail']}" if firm else "runs it as it is"
+        lines.append(f"--force: {words}, {finder.cost(())}")
     return lines
 
 

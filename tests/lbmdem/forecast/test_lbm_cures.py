@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 from lattice_scenes import SPHERE
 
+from hpcpic.core.app.read import read_case
 from hpcpic.core.case.config import loads
+from hpcpic.core.cli.cures import cures
 from hpcpic.core.errors import ConfigError
+from lbmdem.app import APP
 from lbmdem.case.config import whole_spacing
 from lbmdem.configure import configure
 from lbmdem.forecast.derived import derived
@@ -83,6 +86,39 @@ def test_arrays_of_a_heap_at_rest_are_told_that_its_contacts_are_soft(tmp_path, 
         found = next(one for one in derived(configure(loads(text))) if one.name == "overlap at the start")
         assert ("normal_stiffness = 1.2e+06 where it was made" in found.cure) == (given and soft)
         assert ("move it" in found.cure) != (given and soft)
+
+
+@pytest.mark.parametrize("sets", [(), ("fluid.kinematic_viscosity=1.0e-5",), ("fluid.relaxation_time=0.503",)])
+def test_a_way_out_says_whether_the_case_runs_then(tmp_path, sets):
+    """Fast water past a disc, in too long steps and on a coarse lattice: most ways cure one of the two."""
+    path = tmp_path / "case.conf"
+    path.write_text(
+        """
+simulation = { end_time = 1.0; };
+domain = { size = [0.1, 0.02]; spacing = 1.0e-3; periodic = ["y"]; };
+fluid = { kinematic_viscosity = 1.0e-6; relaxation_time = 1.0; };
+boundary = ({ face = "x-"; type = "velocity"; velocity = [0.15, 0.0]; },
+            { face = "x+"; type = "pressure"; pressure = 0.0; });
+grains = ({ diameter = 8.0e-3; moving = false; position = [0.03, 0.01]; });
+"""
+    )
+    app = APP
+    read = read_case(app, str(path), sets)
+    refused = [number for number in app.derived(read.config, 1) if number.verdict == "fail"]
+    assert refused
+    for number in refused:
+        ways = [line.split(": ", 1) for line in cures(app, read, sets, number, 1)]
+        still = []
+        for setting, words in ways:
+            taken = setting.removeprefix("--set ").split(" --set ") if setting != "--force" else []
+            after = app.derived(read_case(app, str(path), (*sets, *taken)).config, 1)
+            fails = [one for one in after if one.verdict == "fail" and not (setting == "--force" and one.forceable)]
+            assert bool(fails) == ("still refuse" in words)
+            assert fails or "without a warning" not in words or ("others warn" in words) == any(
+                one.verdict == "warn" for one in after
+            )
+            still += [bool(fails)] if setting != "--force" else []
+        assert still == sorted(still)  # what ends all refusals comes first
 
 
 CYLINDER = """
