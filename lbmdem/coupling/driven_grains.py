@@ -13,7 +13,6 @@ from lbmdem.case.config import contact_law
 from lbmdem.coupling.contact_pressure import ContactPressure
 from lbmdem.coupling.immersed import Immersed
 from lbmdem.grains.dem import Dem
-from lbmdem.kernels.driven import driven
 from lbmdem.physics.lubrication import MOST_SUBSTEPS, STABLE, Film
 from lbmdem.physics.velocity_sets import LATTICES
 from lbmdem.physics.wall_rules import impedance
@@ -47,10 +46,14 @@ class DrivenGrains:
             film = Film.of_lattice(viscosity, config.spacing, scene.dimensions)
         columns = {name: getattr(table, name) for name in ("x", "v", "omega", "radius", "mass", "inertia", "fixed")}
         law, reach = contact_law(config), 2.0 * config.spacing
-        self.dem = Dem(world, pool, domain, columns, law, box_walls(scene), reach=reach, film=film)
+        own = [
+            (accelerations.compiled(grains.acceleration), table.set == k)
+            for k, grains in enumerate(config.grains)
+            if grains.acceleration
+        ]
+        self.dem = Dem(world, pool, domain, columns, law, box_walls(scene), reach=reach, film=film, own=own)
         self.substeps = config.substeps  # but for what films want, see `move`
         self.has_films = film is not None
-        own = any(grains.acceleration for grains in config.grains)
         self._shaken_alone = config.shaking is not None and immersed is None and not own
         self.least_film = self.worst_film = 1.0
         self._constant = scene.constant_force(table.mass, volumes(table.radius, scene.dimensions))
@@ -70,7 +73,7 @@ class DrivenGrains:
 
     def move(self, first: int, steps: int = 1) -> None:
         """Collective: steps from number `first` on, n_d substeps each, under forces that stay the same but for those
-        of a shaken frame.
+        of contacts, of a shaken frame and of the user's own.
         """
         dem, dt = self.dem, self._scene.time_step
         if self._shaken_alone:
@@ -84,16 +87,11 @@ class DrivenGrains:
         dem.advance(dt / n, steps * n, force, torque, time=time, usual=dt / self.substeps)
 
     def _forces(self, time: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Force [n, d] (N) and torque [n, 1 or 3] (N m) on own grains that are not of contacts. Collective."""
+        """Force [n, d] (N) and torque [n, 1 or 3] (N m) on own grains that stay through substeps. Collective."""
         grains, units = self.dem.grains, self._scene.units
         own = grains.ids[: grains.n]
         force = self._constant[own] - self._table.mass[own, None] * self._scene.shaken(time)
         torque = np.zeros((len(own), self._table.omega.shape[1]))
-        for k, grains_set in enumerate(self._scene.config.grains):
-            if grains_set.acceleration:
-                rows = np.flatnonzero(self._table.set[own] == k)
-                a = driven(accelerations.compiled(grains_set.acceleration), grains.x[rows], grains.v[rows], time)
-                force[rows] += self._table.mass[own[rows], None] * a
         if self._immersed:
             fluid_force, fluid_torque = self._immersed.forces(own)
             if self._pressure:

@@ -24,6 +24,10 @@ GRAINS = (
     Array("origin", ("grains", 8), "float64", "m, m/s", "first half of the row when pairs were listed"),
 )
 
+DRIVEN = (
+    Array("own", ("grains", 4), "float64", "m/s2", "acceleration of the user's own (3), and which one: 0 for none"),
+)
+
 CONTACTS = (
     Array("low", ("slots",), "int32", "", "row of the grain with the smaller id"),
     Array("high", ("slots",), "int32", "", "row of the other grain, or number of the wall"),

@@ -16,9 +16,10 @@ from hpcpic.core.space import exact
 from hpcpic.core.space.domain import Domain, block_ranges
 from hpcpic.core.tasks.arena import Arena
 from hpcpic.core.tasks.graph import Bound, Graph, Pool
-from lbmdem.grains.arrays import CONTACTS, GRAINS, STEP
+from lbmdem.grains.arrays import CONTACTS, DRIVEN, GRAINS, STEP
 from lbmdem.grains.contact_list import ContactList, Springs
 from lbmdem.grains.grains import STATE, Grains, replicated
+from lbmdem.grains.own_accelerations import Own, OwnAccelerations
 from lbmdem.kernels.grains import contact_forces, films, motion
 from lbmdem.kernels.grains.arrays import Box, Contacts, Frame, GrainArrays, GrainLists, Pushed
 from lbmdem.kernels.grains.substeps import distance_moved, substeps, wall_distance
@@ -38,8 +39,8 @@ class Dem:
 
     columns: x[number, d], v, omega[number, 1 or 3], radius, mass, inertia, fixed of all grains, the same on all ranks;
     a fixed grain keeps its velocities. acceleration: of gravity (m/s2). reach: see Grains.settle. film: of fluid in
-    gaps that the lattice does not resolve. The state after a step is at one time: positions, velocities, contact
-    forces.
+    gaps that the lattice does not resolve. own: accelerations of the user's own. The state after a step is at one time:
+    positions, velocities, contact forces.
     """
 
     def __init__(
@@ -53,6 +54,7 @@ class Dem:
         acceleration: Sequence[float] = (),
         reach: float = 0.0,
         film: Film | None = None,
+        own: Sequence[Own] = (),
     ) -> None:
         self.world, self.pool, self.law, self.walls, self.reach = world, pool, law, tuple(walls), reach
         self._film = film or NO_FILM
@@ -62,7 +64,7 @@ class Dem:
         parts = 1 if self._serial else parts_of(pool.threads)
         sizes = {"parts": parts, "cuts": parts + 1, "walls": len(walls) + 1}
         sizes |= dict.fromkeys(("grains", "rows", "slots", "entries"), LANES)  # to begin with
-        self.arena = arena = Arena((*GRAINS, *CONTACTS, *STEP), **sizes)
+        self.arena = arena = Arena((*GRAINS, *(DRIVEN if own else ()), *CONTACTS, *STEP), **sizes)
         arena.group(grains=GrainArrays, contacts=Contacts, lists=GrainLists, box=Box, pushed=Pushed)
         self.gravity = np.zeros(3)
         self.gravity[: len(acceleration)] = acceleration
@@ -80,6 +82,7 @@ class Dem:
         self._walls_listed = arena["walls"].copy()
         driven = (columns["fixed"] != 0) & (np.any(columns["v"], axis=1) | np.any(columns["omega"], axis=1))
         self._works = bool(np.any(driven)) or any(wall.moves for wall in self.walls)
+        self._own = OwnAccelerations(own, arena, grains) if own else None
         self._bind()
         self._set_walls(0.0, always=True)
         self.rebuild()
@@ -119,6 +122,8 @@ class Dem:
         self._finish = [arena.bind(motion.finish, parts)]
         if self._works:
             self._finish.append(arena.bind(motion.count_work, parts))
+        if self._own:
+            self._finish += self._own.tasks
         if self._film.cut_off:
             arena.ask(films.fastest, **self._slots, rows="row", time=0.0)
         if self._serial:
@@ -165,10 +170,12 @@ class Dem:
         time: float | None = None,
         usual: float | None = None,
     ) -> None:
-        """Collective: substeps under constant given forces; `time` (s) at their start, for the walls. usual: the step
-        of other calls, if it is not dt: springs are half of it ahead before and after this one."""
-        self._give(force, torque)
+        """Collective: substeps under constant given forces; `time` (s) at their start, for the walls and the user's own
+        accelerations. usual: the step of other calls, if it is not dt: springs are half of it ahead before and after
+        this one.
+        """
         begin = self.time if time is None else time
+        self._give(self._own.start(force, begin) if self._own else force, torque)
         usual = dt if usual is None else usual
         if self._fresh:
             self._put_ahead(0.5 * usual)

@@ -22,17 +22,20 @@ from hpcpic.core.files.arrays import Column
 from hpcpic.core.space.domain import Domain, block_ranges, wrap
 from hpcpic.core.space.records import pack_rows, record_type, unpack_rows
 from hpcpic.core.tasks.arena import Arena
-from lbmdem.grains.arrays import GRAINS
+from lbmdem.grains.arrays import DRIVEN, GRAINS
 from lbmdem.grains.contact_list import Springs
 from lbmdem.physics.contact_law import ROW
 from lbmdem.sizes import MAX_REPLICATED
 
 X, V, OMEGA, TURN = 0, 4, 8, 12  # first values of a row: position and radius, velocity, angular velocity, orientation
-COLUMNS: dict[str, tuple[np.dtype, tuple[int, ...]]] = {
-    array.name: (np.dtype(array.dtype), tuple(int(n) for n in array.shape[1:]))
-    for array in GRAINS
-    if array.name != "origin"
-}
+COLUMNS, MORE = (  # types and shapes; the second of scenes with accelerations of the user's own
+    {
+        array.name: (np.dtype(array.dtype), tuple(int(n) for n in array.shape[1:]))
+        for array in arrays
+        if array.name != "origin"
+    }
+    for arrays in (GRAINS, DRIVEN)
+)
 OUT_OF_PLANE = [V + 2, OMEGA, OMEGA + 1]  # motions that discs do not have
 INVERSES = [7, 11]  # values of a row: 1 / mass and 1 / inertia, of fixed grains 0
 QUATERNION_ERROR = 1e-6  # by which a quaternion may miss its length
@@ -57,6 +60,7 @@ class Grains:
 
     def __init__(self, world: World, domain: Domain, columns: Mapping[str, NDArray], arena: Arena) -> None:
         self.world, self.domain, self.arena = world, domain, arena
+        self._types = COLUMNS | {name: kind for name, kind in MORE.items() if name in arena.declared}
         self.dimensions = domain.ndim
         self.number = len(columns["radius"])
         self.replicated = replicated(world, self.number)
@@ -79,7 +83,9 @@ class Grains:
     def _first(self, given: Mapping[str, NDArray]) -> dict[str, NDArray]:
         """Columns of this rank from those of the scene, which are of all grains."""
         n, d = len(given["radius"]), self.dimensions
-        columns: dict[str, NDArray] = {name: np.zeros((n, *shape), dtype) for name, (dtype, shape) in COLUMNS.items()}
+        columns: dict[str, NDArray] = {
+            name: np.zeros((n, *shape), dtype) for name, (dtype, shape) in self._types.items()
+        }
         columns["id"][:] = np.arange(n)
         for name in ("mass", "inertia", "fixed"):
             columns[name][:] = given[name]
@@ -189,7 +195,7 @@ class Grains:
         arrived = send_anywhere(self.world, outgoing, self._layout.itemsize, label)
         parts = [{name: column[kept] for name, column in self.columns.items()}]
         parts += [unpack_rows(records, self._layout) for records in arrived]
-        self.columns = {name: np.concatenate([part[name] for part in parts]) for name in COLUMNS}
+        self.columns = {name: np.concatenate([part[name] for part in parts]) for name in self._types}
         return self._with_others(springs, loose)
 
     def _with_others(self, springs: Springs, loose: Mapping[int, NDArray]) -> Springs:
@@ -305,7 +311,7 @@ class Grains:
         if self.replicated:
             ids, arrays = np.arange(self.number), {name: self._gathered(arrays[name]) for name in STATE}
         self._laid_out = False
-        self.columns = {name: np.zeros((len(ids), *shape), dtype) for name, (dtype, shape) in COLUMNS.items()}
+        self.columns = {name: np.zeros((len(ids), *shape), dtype) for name, (dtype, shape) in self._types.items()}
         self.columns["id"][:] = ids
         for name in STATE:
             self.columns[name][:] = arrays[name]

@@ -42,8 +42,8 @@ def box(world, lengths, periodic=None, rows=12):
     return Domain(tuple(lengths[::-1]), points, tuple(periodic[::-1]), even_cuts(rows, world.size))
 
 
-def dem(world, columns, law, lengths, *, periodic=None, walls=(), gravity=(), threads=1, pool=None):
-    return Dem(world, pool or Pool(threads), box(world, lengths, periodic), columns, law, walls, gravity)
+def dem(world, columns, law, lengths, *, periodic=None, walls=(), gravity=(), threads=1, pool=None, own=()):
+    return Dem(world, pool or Pool(threads), box(world, lengths, periodic), columns, law, walls, gravity, own=own)
 
 
 def by_id(scene, values):

@@ -3,12 +3,15 @@
 Grains touch, cross the seam and the cuts between slabs, cover and uncover nodes.
 """
 
+import math
+import re
 from itertools import product
 
 import numpy as np
 import pytest
 from app_runner import check_other_arrays_are_refused, check_same, running
 
+from hpcpic.core.case import accelerations
 from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.run import checkpoint
 
@@ -138,6 +141,27 @@ def test_the_first_sample_after_a_restart_is_that_of_the_whole_run(tmp_path, wor
             found.append(app.scalars())
     assert found[0] == found[1]
     assert any(value for key, value in found[0].items() if key.startswith("force_"))
+
+
+def swirl(x, v, t):
+    return 60.0 * (x[1] - 0.003) - 2.0 * v[0], 60.0 * (0.002 - x[0]) + 0.3 * math.sin(90.0 * t), 0.0
+
+
+@pytest.mark.parametrize("dry", [False, True])
+def test_a_restart_under_an_acceleration_of_ones_own_has_the_same_bits(tmp_path, world, monkeypatch, dry):
+    monkeypatch.setitem(accelerations.ACCELERATIONS, "swirl", swirl)
+    case = re.sub("fluid = {.*};", "", DISCS) if dry else DISCS
+    rundir, found = RunDir(tmp_path), []
+    for steps in (9, 4):
+        with running(world, "lbmdem", case, ['grains[0].acceleration="swirl"']) as app:
+            if steps == 4:
+                app.restore(checkpoint.newest(rundir, world))
+            for left in reversed(range(steps)):
+                app.step()
+                if steps == 9 and left == 4:
+                    checkpoint.write(world, rundir, app.iteration, app.time, app.state())
+            found.append(checkpoint.digest(world, app.state()))
+    assert found[0] == found[1]
 
 
 @pytest.mark.parametrize("case", [DISCS, SPHERES, BED], ids=["discs", "spheres", "bed"])

@@ -1,5 +1,6 @@
 """Motion of grains: friction and rolling, conservation, order, bits."""
 
+import cmath
 import csv
 import functools
 import math
@@ -175,6 +176,59 @@ def test_verlet_is_second_order(world, pool):
     assert np.all(orders > 1.8), (errors, orders)
 
 
+W, DRAG, BEAT, PUSH = 30.0, 2.0, 70.0, 25.0  # 1/s, 1/s, 1/s, m/s2
+
+
+def driven_spring(x, v, t):
+    """A damped spring to a place, pushed by a force that swings."""
+    return -W * W * (x[0] - 0.5) - 2.0 * DRAG * v[0] + PUSH * math.cos(BEAT * t), 0.0, 0.0
+
+
+def sun(x, v, t):
+    a, b = x[0] - 0.5, x[1] - 0.5
+    r = math.sqrt(a * a + b * b)
+    return -a / r**3, -b / r**3, 0.0
+
+
+@pytest.mark.parametrize("calls", [1, 10])
+def test_an_acceleration_of_ones_own_is_of_second_order(world, pool, calls):
+    """In place, velocity and time, against the exact motion; the same however many substeps there are to a call."""
+    time = 0.2
+    steady = PUSH / complex(W * W - BEAT * BEAT, 2.0 * DRAG * BEAT)  # of exp(i BEAT t)
+    root = complex(-DRAG, math.sqrt(W * W - DRAG * DRAG))
+    start = 0.01 - steady.real, 0.2 - (1j * BEAT * steady).real
+    free = complex(start[0], (start[0] * root.real - start[1]) / root.imag)  # of exp(root t)
+    exact = 0.5 + (free * cmath.exp(root * time) + steady * cmath.exp(1j * BEAT * time)).real
+
+    def error(steps):
+        columns = grains([[0.51, 0.5], [0.2, 0.2]], v=[[0.2, 0.0], [0.0, 0.0]])
+        scene = dem(world, columns, LAW, (1.0, 1.0), pool=pool, own=[(driven_spring, np.array([True, False]))])
+        for _ in range(steps // calls):
+            scene.advance(time / steps, calls)
+        assert np.array_equal(by_id(scene, scene.grains.x)[1], [0.2, 0.2])  # the other one is left alone
+        return abs(by_id(scene, scene.grains.x)[0, 0] - exact)
+
+    errors = np.array([error(steps) for steps in (100, 200, 400)])
+    orders = np.log2(errors[:-1] / errors[1:])
+    assert np.all(orders > 1.9) and errors[0] < 1e-4, (errors, orders)
+
+
+def test_a_central_acceleration_keeps_angular_momentum_and_energy(world, pool):
+    """A planet, which comes as near to the sun as a third of its greatest distance."""
+    columns = grains([[0.9, 0.5]], v=[[0.0, 1.2]], radius=0.005)
+    scene = dem(world, columns, LAW, (1.0, 1.0), pool=pool, own=[(sun, np.array([True]))])
+
+    def kept():
+        x, v = scene.grains.x[0] - 0.5, scene.grains.v[0]
+        return np.array([0.5 * v @ v - 1.0 / math.hypot(*x), x[0] * v[1] - x[1] * v[0]])
+
+    before = kept()
+    for _ in range(20):
+        scene.advance(1e-4, 500)
+        off = np.abs(kept() / before - 1.0)
+        assert off[0] < 1e-6 and off[1] < 1e-12
+
+
 def test_overlap_stays_below_one_per_cent(world, pool):
     """The stiffness for v = 0.3 m/s: sqrt(m / 2 k) v < 1 % of a diameter."""
     columns = cloud(64, 3, (0.5,) * 3, speed=0.15)
@@ -186,7 +240,7 @@ def test_overlap_stays_below_one_per_cent(world, pool):
     assert 1e-4 < most < 0.01
 
 
-def busy_scene(world, law=HISTORY, threads=1, d=3, scale=(1.0, 1.0, 1.0)):
+def busy_scene(world, law=HISTORY, threads=1, d=3, scale=(1.0, 1.0, 1.0), driven=False):
     """Grains that collide, cross all sides and the floor, one faster than a slab per step; units of 1/scale."""
     length, time, mass = scale
     columns = cloud(100, d, (0.7,) * d, speed=1.0)
@@ -204,8 +258,17 @@ def busy_scene(world, law=HISTORY, threads=1, d=3, scale=(1.0, 1.0, 1.0)):
               law.shear * force / length)  # fmt: skip
     along = np.eye(d)[0]
     wall = PlaneWall(0.1 * length * along, along, amplitude=tuple(0.02 * length * along), frequency=8.0 / time)
+    own = [(own_of_some, np.arange(100) % 3 == 0), (own_of_others, np.arange(100) % 3 == 1)] if driven else []
     return dem(world, columns, law, (0.7 * length,) * d, periodic=(False,) + (True,) * (d - 1), walls=(wall,),
-               gravity=(-5.0 * length / time**2,) + (0.0,) * (d - 1), threads=threads)  # fmt: skip
+               gravity=(-5.0 * length / time**2,) + (0.0,) * (d - 1), threads=threads, own=own)  # fmt: skip
+
+
+def own_of_some(x, v, t):
+    return 30.0 * x[1] - v[0], -30.0 * x[0], 5.0 * t
+
+
+def own_of_others(x, v, t):
+    return 0.0, 9.0 * math.sin(40.0 * t), -20.0 * x[2]
 
 
 def test_places_of_a_wall_are_found_at_once_for_many_substeps(monkeypatch):
@@ -230,36 +293,39 @@ def digest_after(scene, between=lambda: None):
 
 
 @functools.cache
-def serial_digest(law, d):
+def serial_digest(law, d, driven=False):
     """Of one rank and one thread, in this process."""
-    return digest_after(busy_scene(World.alone(), law, d=d))
+    return digest_after(busy_scene(World.alone(), law, d=d, driven=driven))
 
 
+@pytest.mark.parametrize("driven", [False, True])
 @pytest.mark.parametrize("d", [2, 3])
-def test_bits_do_not_depend_on_threads_or_lists(world, d, monkeypatch):
+def test_bits_do_not_depend_on_threads_or_lists(world, d, driven, monkeypatch):
     monkeypatch.setattr("lbmdem.grains.dem.GRAINS_OF_ONE_THREAD", 0)
-    scene = busy_scene(world, threads=2, d=d)
+    scene = busy_scene(world, threads=2, d=d, driven=driven)
     scene.skin *= 2.5
-    assert digest_after(scene, scene.rebuild) == serial_digest(HISTORY, d)
+    assert digest_after(scene, scene.rebuild) == serial_digest(HISTORY, d, driven)
+    assert serial_digest(HISTORY, d, True) != serial_digest(HISTORY, d)
 
 
 @pytest.mark.mpi(min_size=2)
+@pytest.mark.parametrize("driven", [False, True])
 @pytest.mark.parametrize(("law", "d", "together"), [(LAW, 2, 0), (HISTORY, 3, 0), (HISTORY, 2, 512), (LAW, 3, 512)])
-def test_bits_do_not_depend_on_ranks(world, law, d, together, monkeypatch):
+def test_bits_do_not_depend_on_ranks(world, law, d, together, driven, monkeypatch):
     """Whether each rank moves its own grains and knows copies of others, or all ranks move all of them."""
     monkeypatch.setattr("lbmdem.grains.grains.MAX_REPLICATED", together)
-    scene = busy_scene(world, law, d=d)
-    assert digest_after(scene) == serial_digest(law, d)
+    scene = busy_scene(world, law, d=d, driven=driven)
+    assert digest_after(scene) == serial_digest(law, d, driven)
     assert scene.version > 3 and 0 < scene.grains.n < 100
 
 
-@pytest.mark.parametrize("law", [LAW, HISTORY])
-def test_a_restart_continues_with_the_same_bits(world, law):
-    scene = busy_scene(world, law)
+@pytest.mark.parametrize(("law", "driven"), [(LAW, False), (HISTORY, False), (HISTORY, True)])
+def test_a_restart_continues_with_the_same_bits(world, law, driven):
+    scene = busy_scene(world, law, driven=driven)
     scene.advance(2e-4, 100)
     saved = Saved(scene)
     found = contacts(scene)
-    again = busy_scene(world, law)
+    again = busy_scene(world, law, driven=driven)
     again.restore(saved)
     np.testing.assert_array_equal(np.sort(contacts(again).first), np.sort(found.first))
     assert Saved(again).digest == Saved(scene).digest
