@@ -5,10 +5,10 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from hpcpic.core.case.config import Path
-from hpcpic.core.case.derived import Derived, judged
-from lbmdem.case.config import AXES, LbmDemConfig, seeps
+from hpcpic.core.case.derived import Derived, judged, rounded_down
+from lbmdem.case.config import AXES, LbmDemConfig, seeps, whole_spacing
 from lbmdem.forecast.free_fall import PEAK, speed_through, stays
-from lbmdem.forecast.relaxation import slower
+from lbmdem.forecast.relaxation import SPACING, slower
 from lbmdem.physics.velocity_sets import CS2
 
 
@@ -74,6 +74,22 @@ def pushes(config: LbmDemConfig) -> Iterator[tuple[str, Push, float, float]]:
         for along, a in zip(AXES, config.shaking.acceleration):
             if a:
                 yield along, SHAKEN, abs(a), share * abs(a) / omega
+
+
+def between_faces(config: LbmDemConfig) -> Iterator[Derived]:
+    """By how much more than over the length of the box a pressure falls between two faces: these are the last nodes.
+    Grains bear most of the pressure, and permeabilities take their height.
+    """
+    kinds: dict[str, str] = {face.face: face.type for face in config.boundary}
+    for axis, length in zip(AXES, config.domain.size):
+        if kinds.get(f"{axis}-") == kinds.get(f"{axis}+") == "pressure" and not config.grains:
+            share = config.spacing / max(length - config.spacing, 1e-300)
+            finer = whole_spacing(config.domain.size, length / 51.0) or rounded_down(length / 51.0)
+            yield judged(
+                f"gradient along {axis}, over dp/L", "dx/(L-dx)", share, ok=share <= 0.02, legal=True, limit="<= 2 %",
+                source="pressure faces are the last nodes, dx/2 inside the box", key=SPACING,
+                cure=f"the pressure falls over L - dx; domain.spacing = {finer:.9g} is fine enough",
+            )  # fmt: skip
 
 
 def steady(config: LbmDemConfig) -> Iterator[Derived]:

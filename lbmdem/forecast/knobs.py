@@ -13,6 +13,7 @@ from hpcpic.core.app.knobs import Choice, Knob, Knobs, Quantity, Seen
 from hpcpic.core.case.dump import group_lines
 from hpcpic.core.case.texts import value_text
 from lbmdem.case.config import AXES, LbmDemConfig, seeps
+from lbmdem.forecast.driven import between_faces
 from lbmdem.forecast.plan import grain_count
 from lbmdem.physics.collision import COLLISIONS
 from lbmdem.physics.velocity_sets import CS2
@@ -72,8 +73,9 @@ def wet(config: LbmDemConfig) -> list[Knob]:
     """dx at fixed tau is diffusive scaling: dt ~ dx^2. tau - 1/2 alone is the time step."""
     d = config.dimensions
     key = ("fluid", "time_step") if config.liquid.time_step is not None else ("fluid", "relaxation_time")
+    order = 1.0 if any(between_faces(config)) else 2.0  # the length between pressure faces is L - dx
     found = [
-        Knob("dx", "node spacing, at the same tau", "m", ("domain", "spacing"), lambda c: c.spacing, 2.0, d + 2.0,
+        Knob("dx", "node spacing, at the same tau", "m", ("domain", "spacing"), lambda c: c.spacing, order, d + 2.0,
              "grid Reynolds number"),
         Knob("tau", "relaxation time, which is the time step", "", key, lambda c: c.tau - 0.5, 2.0, 1.0,
              "Mach number", shown=lambda size: size + 0.5),

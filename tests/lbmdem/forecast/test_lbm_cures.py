@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from app_runner import running
 from lattice_scenes import SPHERE
 
 from hpcpic.core.app.read import read_case
@@ -12,6 +13,7 @@ from lbmdem.app import APP
 from lbmdem.case.config import whole_spacing
 from lbmdem.configure import configure
 from lbmdem.forecast.derived import derived
+from lbmdem.forecast.knobs import knobs_of
 
 
 def told(*sets):
@@ -119,6 +121,35 @@ grains = ({ diameter = 8.0e-3; moving = false; position = [0.03, 0.01]; });
             )
             still += [bool(fails)] if setting != "--force" else []
         assert still == sorted(still)  # what ends all refusals comes first
+
+
+SLIT = """
+simulation = { end_time = 1.0; };
+domain = { size = [1.0e-3, 1.0e-3]; spacing = 5.0e-5; };
+fluid = { kinematic_viscosity = 1.0e-6; relaxation_time = 1.0; };
+boundary = ({ face = "y-"; type = "pressure"; pressure = 0.01; }, { face = "y+"; type = "pressure"; pressure = 0.0; });
+"""
+
+
+def test_the_length_between_pressure_faces_is_told(world):
+    """The flow of a slit is that of the gradient between its last nodes: of first order in the spacing, as the knob of
+    `tradeoff` has it.
+    """
+
+    def gradient(*sets):
+        return next(n for n in derived(configure(loads(SLIT, sets=sets))) if n.name.startswith("gradient along y"))
+
+    told = gradient()
+    assert told.verdict == "warn"
+    assert gradient(f"domain.spacing={told.cure.split('domain.spacing = ')[1].split()[0]}").verdict == "ok"
+    with running(world, "lbmdem", SLIT) as app:
+        while app.time < 1.0:
+            app.step()
+        flow = app.scalars()["flow_rate_y"]
+    assert flow / (0.01 / 1.0e-3 * 1e-9 / (12.0 * 1.0e-3)) == pytest.approx(1.0 + told.value, abs=0.01)
+    order = {knob.name: knob.order for knob in knobs_of(configure(loads(SLIT))).knobs}
+    inflow = SLIT.replace('"pressure"; pressure = 0.01', '"velocity"; velocity = [0.0, 1e-4]')
+    assert order["dx"] == 1.0 and knobs_of(configure(loads(inflow))).knobs[0].order == 2.0
 
 
 CYLINDER = """
