@@ -82,7 +82,7 @@ def impact_speed(config: LbmDemConfig, i: int) -> float:
     below = [k for k, g in enumerate(config.gravity) if abs(g) > 0.5 * pull and AXES[k] not in config.domain.periodic]
     speeds = np.linalg.norm(group.at_start("velocity"), axis=1)
     if not below:
-        return float(speeds.max(initial=0.0))
+        return float(speeds.max(initial=0.0)) if any_resists(config) else 0.0
     axis, last = below[0], config.dimensions - 1
     down = config.gravity[axis] < 0.0
     if group.packing is not None:
@@ -97,6 +97,12 @@ def impact_speed(config: LbmDemConfig, i: int) -> float:
     if config.fluid:
         falls = np.minimum(falls, terminal_speed(config, i))
     return float(np.hypot(speeds, falls).max(initial=0.0))
+
+
+def any_resists(config: LbmDemConfig) -> bool:
+    """Whether there is a wall, an obstacle or a grain that stays, which a grain could meet."""
+    walls = len(config.domain.periodic) < config.dimensions
+    return walls or bool(config.obstacle) or not all(group.moving for group in config.grains)
 
 
 def above_planes(config: LbmDemConfig, x: NDArray, radius: float) -> NDArray[np.float64]:

@@ -8,6 +8,7 @@ import pytest
 from app_runner import running
 from lattice_scenes import SPHERE
 
+from hpcpic.core.case import accelerations
 from hpcpic.core.case.config import loads
 from hpcpic.core.physics.contact_law import deepest_overlap
 from lbmdem.case.config import contact_law
@@ -132,6 +133,14 @@ def test_substeps_that_take_longer_than_all_else_are_told_with_what_they_take(st
         assert fewer.value == pytest.approx(1000, rel=0.03) and " s of a step" in told.source
 
 
+def test_a_softer_stiffness_tells_the_overlaps_that_it_makes():
+    told = number(SPHERE, "substeps of the contacts", "contact.normal_stiffness=1e6")
+    softer, rest = (float(told.source.split(f"{w} ")[1].split()[0].rstrip(";")) for w in ("stiffness =", "rest to"))
+    found = number(SPHERE, "overlap at rest", f"contact.normal_stiffness={softer}")
+    assert found.value == pytest.approx(rest, rel=0.05)
+    assert "% of it" in told.source
+
+
 SILO = """
 simulation = { end_time = 1.0; };
 domain = { size = [0.012, 0.1]; };
@@ -173,6 +182,24 @@ def test_contacts_are_as_stiff_as_the_fall_of_a_grain_needs(text):
 
 def test_nothing_falls_far_along_a_periodic_side():
     assert number(DRY, "overlap at impact", "contact.normal_stiffness=0.05") is None
+
+
+def test_a_grain_without_weight_meets_what_its_speed_at_the_start_takes_it_to(monkeypatch):
+    """A wall or a grain that stays; nothing where there is neither. On one that has an acceleration of the user's own
+    it is told and refuses nothing: who knows its way?
+    """
+    monkeypatch.setitem(accelerations.ACCELERATIONS, "sun", lambda x, v, t: (-x[0], -x[1], 0.0))
+    soft = "contact.normal_stiffness=0.05", "gravity=[0.0, 0.0]", "grains[0].velocity=[0.5, 0.1]"
+    name, alone = "overlap at impact", ('domain.periodic=["x", "y"]',)
+    told = number(DRY, name, *soft)
+    assert told.verdict == "fail" and "its speed at the start" in told.source and "free fall" not in told.source
+    assert number(DRY, name, *soft, *alone) is None
+    two = "grains[0].position=([0.004, 0.008], [0.012, 0.008])"
+    assert number(DRY, name, *soft, *alone, two) is None
+    stays = "diameter = 1.0e-3; position = [0.012, 0.008]; moving = false;"
+    assert number(DRY.replace("});", f"}}, {{ {stays} }});", 1), name, *soft, *alone).verdict == "fail"
+    own = number(DRY, name, *soft, 'grains[0].acceleration="sun"')
+    assert own.verdict == "warn" and own.value == told.value
 
 
 def test_a_grain_falls_to_the_plane_below_it_and_not_beyond_the_end():
@@ -306,6 +333,15 @@ grains = ({ diameters = { min = 0.9e-3; max = 1.1e-3; count = 100; }; packing = 
 contact = { normal_stiffness = 2.0e4; };
 gravity = [0.0, -9.81];
 """
+
+
+def test_the_deepest_contacts_of_a_bed_are_told_beside_the_mean():
+    """Of several layers alone: one has no chains of forces."""
+    name = "deepest overlap at rest"
+    bed = SILO.replace("COUNT", "200")
+    mean, deep = number(bed, "overlap at rest"), number(bed, name)
+    assert "in the mean" in mean.source and deep.value == pytest.approx(4.0 * mean.value) and deep.verdict == "ok"
+    assert number(SILO.replace("COUNT", "5"), name) is None and number(SPHERE, name) is None
 
 
 @pytest.mark.parametrize("missing", [(), (4,), (4, 5, 6)])
