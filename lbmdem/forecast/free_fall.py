@@ -18,7 +18,7 @@ from lbmdem.setup.box_walls import cover, floor_height
 BALANCE = 1e-3  # of the forces on a box that are left over: what is still called a balance
 FAR_BEYOND = 10.0  # times the limit of the grid Reynolds number: a bed falls slower than a grain alone, but not so much
 MOST_TRIED = 10_000  # points above which a fall is tried
-DRIFT = 0.02  # of the speed of a lone grain: how fast a box that nothing holds may get beside it
+DRIFT = 0.25  # of the speed of a lone grain: beyond it a box that nothing holds is warned of, told is any
 PEAK = 4.0  # times the estimate of a flow past grains: wakes shelter the next grain, pores differ; measured up to 3.5
 LAYER = 1.13  # sqrt(Re) delta/D of the boundary layer where the flow divides (Schlichting & Gersten, ch. 5)
 
@@ -206,16 +206,17 @@ def unheld(config: LbmDemConfig) -> Iterator[Derived]:
             continue
         end = left / (mass + wet) * config.simulation.end_time
         far = 0.5 * end * config.simulation.end_time > config.domain.size[k]
-        fast = weight and any(falls) and end > DRIFT * max(falls)
-        cure = f"the box is carried along, {end / max(falls):.2g} of the speed of a lone grain" if fast else ""
-        cure = "its speed grows without a bound" if far or not fast else cure
+        share = end / max(falls) if weight and any(falls) else 0.0
+        fast = share > DRIFT
+        cure = "the box carries it along" if fast and not far else "its speed grows without a bound"
         cure += ": a wall or a fixed grain holds it"
         if weight and full:
             cure += f", or a fluid.body_force of {-weight / full:.6g} m/s2 along {axis} balances the weight"
-        beside = f" and {DRIFT:.0%} of the speed of a lone grain" if weight and any(falls) else ""
+        beside = f" and {DRIFT:.0%} of the speed of a lone grain" if share else ""
+        source = "momentum of the whole box" + (f"; {share:.2g} of the speed of a lone grain" if share else "")
         yield judged(
             f"speed at the end along {axis}", "a t", end, unit="m/s", legal=True,
-            ok=left <= BALANCE * pulls or not (far or fast), source="momentum of the whole box", cure=cure,
+            ok=left <= BALANCE * pulls or not (far or fast), source=source, cure=cure,
             limit=f"balanced to {BALANCE:.1%}, or within a box's length{beside}",
             key=("gravity",) if weight else ("fluid", "body_force"),
         )  # fmt: skip

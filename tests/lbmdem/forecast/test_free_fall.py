@@ -58,11 +58,12 @@ def test_the_speed_of_a_box_that_nothing_holds_is_that_of_its_momentum():
 
 def test_a_box_that_drifts_beside_a_grain_that_settles_is_told():
     """Within a box's length, too: the speed of the grain that one reads has that of the box in it."""
-    sets = "simulation.end_time=0.1", "fluid.viscosity=5.0e-5"
+    sets = "simulation.end_time=0.1", "fluid.viscosity=2.0e-4"
+    for told, viscosity in ((fall(DROP, *sets), 2.0e-4), (fall(DROP, sets[0]), 1.0e-5)):
+        share = told.value / terminal_speed(config_of(DROP, f"fluid.viscosity={viscosity}"), 0)
+        assert 0.5 * told.value * 0.1 < 0.016 and f"{share:.2g} of the speed of a lone grain" in told.source
+        assert told.verdict == ("warn" if share > 0.25 else "ok") == ("warn" if viscosity > 1e-5 else "ok")
     told = fall(DROP, *sets)
-    share = told.value / terminal_speed(config_of(DROP, *sets), 0)
-    assert 0.5 * told.value * 0.1 < 0.016 and 0.02 < share < 0.5
-    assert told.verdict == "warn" and f"{share:.2g} of the speed of a lone grain" in told.cure
     balance = told.cure.split("fluid.body_force of ")[1].split()[0]
     assert fall(DROP, *sets, f"fluid.body_force=[0.0, {balance}]").verdict == "ok"
 
