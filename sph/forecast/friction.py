@@ -34,7 +34,7 @@ def friction(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     source = f"{part:.2g} of the pressure, where particles pass a solid, measured"
     least = SHARE[1][-1]
     cure = f"smoothing = 2.0, with {least / part:.2g} of it; or " if least < 0.5 * part else ""
-    cure += "gradient_correction = true with shifting = true: drag up to 7 % too small"
+    cure += "gradient_correction = true with shifting = true: drag 7 to 12 % too small"
     for wall in scene.walls:
         if not (wall.section.solid and wall.rule.layered):
             continue
