@@ -1,0 +1,156 @@
+"""Heating by the grid as runs gave it, and cures that cure."""
+
+import math
+import re
+
+import pytest
+from forecast_numbers import numbers
+
+from hpcpic.plasma.physics.heating import HEATING, energy_ratio, rate
+
+# Shape, dimensions, lambda_D/dx, particles per cell, wp t, W(t)/W(0) as runs gave it: those until 875 on 64 x 64 and
+# 16 x 16 x 16 points, as by scripts/heating.py (in 2D, 0.1 with 64 per cell and TSC at 1.0: 32 x 32).
+HEATED = [
+    ("CIC", 2, 0.03, 16, 875, 4.972), ("CIC", 2, 0.03, 64, 875, 4.654), ("CIC", 2, 0.1, 16, 875, 3.660),
+    ("CIC", 2, 0.1, 64, 875, 2.828), ("CIC", 2, 0.3, 16, 875, 1.529), ("CIC", 2, 0.3, 64, 875, 1.163),
+    ("CIC", 2, 0.3, 16, 3150, 2.694), ("CIC", 2, 0.3, 16, 6300, 4.078), ("CIC", 2, 0.3, 16, 12425, 6.346),
+    ("TSC", 2, 0.03, 16, 875, 1.640), ("TSC", 2, 0.1, 16, 875, 1.446), ("TSC", 2, 0.1, 64, 875, 1.219),
+    ("TSC", 2, 0.3, 16, 875, 1.107), ("TSC", 2, 0.3, 64, 875, 1.030), ("TSC", 2, 0.5, 16, 875, 1.036),
+    ("TSC", 2, 1.0, 16, 3500, 1.025),
+    ("NGP", 2, 0.1, 16, 875, 22.52), ("NGP", 2, 0.3, 16, 875, 6.561), ("NGP", 2, 0.3, 64, 875, 3.225),
+    ("NGP", 2, 0.5, 16, 875, 3.023), ("NGP", 2, 0.5, 64, 875, 1.637), ("NGP", 2, 1.0, 16, 875, 1.399),
+    ("NGP", 3, 0.1, 16, 875, 29.91), ("NGP", 3, 0.3, 64, 875, 2.328), ("NGP", 3, 0.5, 16, 875, 2.244),
+    ("NGP", 3, 0.5, 64, 875, 1.357), ("NGP", 3, 1.0, 16, 875, 1.219),
+    ("CIC", 3, 0.03, 16, 875, 13.25), ("CIC", 3, 0.03, 64, 875, 5.958), ("CIC", 3, 0.1, 16, 875, 4.301),
+    ("CIC", 3, 0.1, 64, 875, 2.376), ("CIC", 3, 0.3, 16, 875, 1.321), ("CIC", 3, 0.3, 64, 875, 1.085),
+    ("CIC", 3, 0.5, 16, 875, 1.088), ("CIC", 3, 1.0, 16, 875, 1.012),
+    ("TSC", 3, 0.03, 16, 875, 2.855), ("TSC", 3, 0.03, 64, 875, 1.699), ("TSC", 3, 0.1, 16, 875, 1.547),
+    ("TSC", 3, 0.1, 64, 875, 1.154), ("TSC", 3, 0.3, 16, 875, 1.066), ("TSC", 3, 0.3, 64, 875, 1.016),
+    ("TSC", 3, 0.5, 16, 875, 1.020),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("shape, dimensions, debye, per_cell, time, measured", HEATED)
+def test_heating_is_foretold_as_it_was_measured(shape, dimensions, debye, per_cell, time, measured):
+    found = energy_ratio(HEATING[shape, dimensions], debye, per_cell, time)
+    assert found - 1 == pytest.approx(measured - 1, rel=0.1)
+
+
+# In 1D: the Debye length is that of heat and field of the start together. Boxes of 64 points, the last two of 256.
+HEATED_1D = [
+    ("CIC", 0.044, 12288, 4.547), ("CIC", 0.063, 8192, 2.798), ("CIC", 0.103, 4096, 1.138), ("CIC", 0.133, 256, 1.788),
+    ("CIC", 0.134, 1024, 1.181), ("CIC", 0.219, 256, 1.154), ("CIC", 0.309, 64, 1.292), ("CIC", 0.313, 256, 1.061),
+    ("CIC", 0.381, 64, 1.129), ("CIC", 0.485, 16, 1.247), ("CIC", 0.553, 64, 1.038), ("CIC", 0.797, 16, 1.079),
+    ("TSC", 0.044, 12288, 1.097), ("TSC", 0.063, 8192, 1.066), ("TSC", 0.132, 256, 1.065), ("TSC", 0.170, 256, 1.019),
+    ("CIC", 0.470, 64, 1.087), ("CIC", 0.617, 64, 1.032),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("shape, debye, per_cell, measured", HEATED_1D)
+def test_heating_on_a_line_is_foretold_within_forty_percent(shape, debye, per_cell, measured):
+    found = energy_ratio(HEATING[shape, 1], debye, per_cell, 875)
+    assert found - 1 == pytest.approx(measured - 1, rel=0.4)
+
+
+LINE = """
+simulation = { cycles = 4375; time_step = 0.2; space_length = [64.0]; };
+grid = { points = [64]; };
+species = ({ name = "e"; particles_per_cell = 256; charge = -1.0; mass = 1.0; plasma_frequency = 1.0;
+             thermal_velocity = 0.3; });
+"""
+
+
+def test_heating_on_a_line_counts_the_field_of_a_random_start_as_heat():
+    found = numbers(text=LINE)[0]["dW/W"]
+    debye = 0.3 * math.sqrt(1 + 64 / (12 * 256 * 0.3**2))
+    assert found.value == pytest.approx(energy_ratio(HEATING["CIC", 1], debye, 256, 875) - 1, rel=1e-6)
+    assert 0.04 < found.value < 0.07  # three seeds: 0.061, 0.053, 0.051
+    quiet = numbers(['species[0].init_method="quiet"'], LINE)[0]["dW/W"]
+    assert quiet.value == pytest.approx(energy_ratio(HEATING["CIC", 1], 0.3, 256, 875) - 1, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "sets, said",
+    [
+        (["species[0].thermal_velocity=0.1"], "the field of the random start has 2.1 times the heat"),
+        (['numerics.shape="NGP"'], "no rates for this scheme in 1D"),
+        (["field.magnetic=[0, 0, 1]"], "no rates for 3 velocity components in 1D"),
+        (["numerics.cloud_radius=1"], "no rates for this scheme in 1D"),
+        (["species[0].particles=64", "species[0].thermal_velocity=9"], "fewer than 8 particles per cell"),
+    ],
+)
+def test_heating_on_a_line_that_is_not_foretold_says_why(sets, said):
+    number = numbers(sets, LINE)[0]["dW/W"]
+    assert math.isnan(number.value) and said in number.source and number.verdict == "ok"
+
+
+@pytest.mark.parametrize("axes, share", [(1, "a seventh"), (2, "a thirtieth"), (3, "a seventieth")])
+def test_clouds_are_offered_with_what_they_were_measured_to_do(axes, share):
+    box = [f"simulation.space_length={[16.0] * axes}", f"grid.points={[16] * axes}", "species[0].thermal_velocity=0.1"]
+    cure = numbers(box)[0]["lambda_D/dx"].cure
+    assert f"numerics.cloud_radius = 1 (at most {share} of the heating in {axes}D" in cure
+
+
+def test_heating_slows_down_as_the_debye_length_grows():
+    """Two runs one after the other are one run, at the Debye length that the first has left."""
+    half = energy_ratio(HEATING["CIC", 2], 0.3, 16, 5000)
+    whole = energy_ratio(HEATING["CIC", 2], 0.3, 16, 10000)
+    assert energy_ratio(HEATING["CIC", 2], 0.3 * math.sqrt(half), 16, 5000) * half == pytest.approx(whole, rel=1e-3)
+    assert whole < half**2 and energy_ratio(HEATING["CIC", 2], 0.3, 16, 0.0) == 1.0
+    for debye in (1e-70, 1e-4, 1.0, 1e70):  # and ends, in any number of steps
+        assert 1.0 <= energy_ratio(HEATING["CIC", 2], debye, 16, 1e30) < math.inf
+
+
+def test_the_noise_heats_less_with_more_particles_and_the_aliases_do_not():
+    few, many = (rate(HEATING["CIC", 2], math.log(1.0), n) for n in (16, 64))
+    assert few == pytest.approx(4 * many, rel=0.01)
+    cold = [rate(HEATING["CIC", 2], math.log(0.03), n) for n in (16, 1e9)]
+    assert cold[1] == pytest.approx(cold[0], rel=0.05)
+
+
+def test_in_three_dimensions_heating_is_foretold_and_cured_by_rates_of_its_own():
+    """On an axis of one point there is no field: the rates are those of two dimensions."""
+    flat, deep = "[16, 16, 1]", "[16, 16, 16]"
+    for shape in ("NGP", "CIC", "TSC"):
+        sets = ["simulation.space_length=[16.0, 16.0, 16.0]", "species[0].thermal_velocity=0.3",
+                "simulation.cycles=4375", f'numerics.shape="{shape}"']  # fmt: skip
+        for points, axes in ((deep, 3), (flat, 2)):
+            cells = f"species[0].particles={16 * 16**axes}"
+            found = numbers([*sets, f"grid.points={points}", cells])[0]["dW/W"]
+            assert found.value == pytest.approx(energy_ratio(HEATING[shape, axes], 0.3, 16, 875) - 1, rel=1e-6)
+        found = numbers([*sets, f"grid.points={deep}", f"species[0].particles={16**4}"])[0]["dW/W"]
+        assert (found.verdict == "warn") == (shape != "TSC") == ("TSC" in found.cure)
+        if found.verdict == "warn":
+            finer = int(re.search(r"(\d+) times the points", found.cure)[1])
+            cured = f"grid.points={[16 * finer] * 3}", f"species[0].particles={16 * (16 * finer) ** 3}"
+            assert numbers([*sets, *cured])[0]["dW/W"].verdict == "ok"
+
+
+def test_a_few_particles_have_no_heating_that_could_be_foretold():
+    for particles in (1, 2048):
+        number = numbers([f"species[0].particles={particles}", "species[0].thermal_velocity=0.1"])[0]["dW/W"]
+        assert math.isnan(number.value) and "cannot be foretold" in number.source and number.verdict == "ok"
+
+
+@pytest.mark.parametrize(
+    "debye, cycles, tsc", [(0.3, 2000, True), (0.3, 20000, False), (0.1, 4375, False), (1e-4, 5000, False)]
+)
+def test_each_cure_of_heating_cures_by_the_same_formula(debye, cycles, tsc):
+    sets = [f"species[0].thermal_velocity={debye}", f"simulation.cycles={cycles}"]
+    number = numbers(sets)[0]["dW/W"]
+    assert number.verdict == "warn" and ('numerics.shape = "TSC"' in number.cure) == tsc
+    assert ("TSC" in numbers(sets)[0]["lambda_D/dx"].cure) == tsc
+    if tsc:
+        assert numbers([*sets, 'numerics.shape="TSC"'])[0]["dW/W"].verdict == "ok"
+    if more := re.search(r"(\d+) times the particles", number.cure):
+        cured = [*sets, f"species[0].particles={int(more[1]) * 32768}"]
+        assert numbers(cured)[0]["dW/W"].verdict == "ok"
+    if finer := re.search(r"(\d+) times the points", number.cure):
+        f = int(finer[1])
+        cured = [*sets, f"grid.points=[{64 * f}, {32 * f}]", f"species[0].particles={f * f * 32768}"]
+        assert numbers(cured)[0]["dW/W"].verdict == "ok"
+
+
+def test_the_debye_length_that_no_grid_can_resolve_has_no_grid_as_a_cure():
+    cure = numbers(["species[0].thermal_velocity=1e-9"])[0]["lambda_D/dx"].cure
+    assert "points" not in cure and "a hotter or thinner plasma" in cure
