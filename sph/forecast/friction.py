@@ -15,6 +15,7 @@ from hpcpic.core.case.derived import Derived, judged
 from sph.case import geometry
 from sph.case.config import SphConfig
 from sph.setup.scene import Scene, Wall
+from sph.setup.speeds import heights_of
 
 SHARE = (1.3, 1.5, 1.6, 1.8, 2.0), (0.042, 0.014, 0.010, 0.0051, 0.0031)  # stress over pressure, by h/dp: a disc sinks
 SHIFTED = 0.0025  # with `shifting`, h/dp 1.6; 2.0: 0.0020
@@ -68,18 +69,13 @@ def radius_of(wall: Wall) -> float:
 
 def pressure_at(scene: Scene, wall: Wall) -> float:
     """Pa at the middle of a solid; for a body that sinks or rises, halfway."""
-    g, background = scene.gravity, scene.eos.background
-    if not g.any():
-        return background
-    k = int(np.argmax(np.abs(g)))
-    sign = -math.copysign(1.0, g[k])  # up
-    ends = [sorted(sign * end[k] for end in geometry.bounds(fluid.section.shape)) for fluid in scene.fluids if fluid.n]
-    if not ends:
-        return 0.0
-    bottom, top = min(low for low, _ in ends), max(high for _, high in ends)
-    low, high = (np.array(end) for end in geometry.bounds(wall.shape))
-    middle = sign * (low[k] + high[k]) / 2
+    config, g = scene.config, float(np.linalg.norm(scene.gravity))
+    if not g:
+        return scene.eos.background
+    levels = [height for fluid in config.fluid for height in heights_of(config, fluid)]
+    own, bottom, top = heights_of(config, wall.section), min(levels), max(levels)
+    middle = (min(own) + max(own)) / 2
     if wall.rigid:
         heavy = wall.rigid.mass > scene.rho0 * geometry.volume(wall.shape)
         middle = (middle + (bottom if heavy else top)) / 2
-    return scene.rho0 * abs(g[k]) * min(max(top - middle, 0.0), top - bottom) + background
+    return scene.rho0 * g * min(max(top - middle, 0.0), top - bottom) + scene.eos.background
