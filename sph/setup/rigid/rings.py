@@ -87,18 +87,16 @@ def pipe(wall: Any, depths: Reals) -> tuple[Reals, Reals]:
         heights = np.concatenate([-depths[::-1], heights, length + depths])
     x, normal = [], []
     for n, height in enumerate(heights):
-        off = max(-height, height - length)  # of the nearer end, into what is beyond it
-        full = not endless and (off > 0.0 if side < 0.0 else off > -len(depths) * dp)
-        radii = np.concatenate([inner, radius - side * depths] if full else [radius - side * depths])
+        past, up = max(-height, height - length), math.copysign(1.0, height - 0.5 * length)  # of the nearer end
+        full = not endless and past > (-len(depths) * dp if side > 0.0 else 0.0)
+        radii = np.concatenate([inner if full else inner[:0], radius - side * depths])
         for k, r in enumerate(radii[radii > 0.0]):
             to = product(ring(r, dp, 0.5 * ((n + k) % 2)), across)
             x.append(base + height * axis + r * to)
-            out = math.copysign(1.0, height - 0.5 * length) * axis
-            if endless or (side > 0.0 and radius - r <= -off):
-                back = to
-            elif side > 0.0:
-                back = np.broadcast_to(out, to.shape)
+            if side > 0.0:  # from the nearer of side and end
+                out, on = (1.0, 0.0) if endless or radius - r <= -past else (0.0, 1.0)
             else:
-                back = max(r - radius, 0.0) * to + max(off, 0.0) * out
+                out, on = max(r - radius, 0.0), max(past, 0.0)
+            back = out * to + on * up * axis
             normal.append(side * back / np.sqrt(np.sum(back * back, axis=1))[:, None])
     return np.concatenate(x), np.concatenate(normal)
