@@ -127,8 +127,6 @@ class Sph:
         with self.timers.section("update"):
             if self.bodies:
                 self.bodies.settle()
-            if self.spec.shifting:
-                self.evolution.shift(self.extremes.speed)
             self.evolution.wrap()
             self.strays.settle()
             self.exchange.leave(box)
@@ -194,6 +192,7 @@ class Sph:
             self.extremes = now = extremes(self.scene, self.world, self.tasks, self.motion.largest)
             if not now.finite:
                 self.runaway.end_without_number()
+            self.evolution.speed = now.speed
             self.clock.time_step = dt = self.choose(now.speed, now.acceleration, now.density_error)
             self.strays.find(now.density_error)
             self.runaway.look(now)

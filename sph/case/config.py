@@ -180,7 +180,11 @@ class Numerics(Section):
         le=100,
     )
     tensile_correction: float = setting(0.0, "Monaghan's artificial pressure against clumping, 0.2 is usual", ge=0)
-    shifting: bool = setting(False, "particles are shifted towards where there are few (Sun et al. 2017)")
+    shifting: bool | None = setting(
+        None,
+        "particles are shifted towards where there are few (Sun et al. 2017), and their densities know it; by default "
+        "with the viscosity of Morris in one fluid, with the symplectic integrator and without gradient_correction",
+    )
     precision: Literal["double", "single"] = setting("double", "arithmetic of the pair sums")
     balance_period: int = setting(100, "steps between looks at the load of the ranks, 0 = never", "steps", ge=0)
     reproducible: Literal[True] = setting(True, "same bits for any ranks, threads and task blocks")

@@ -33,7 +33,6 @@ WAVES = (1.0, 1.15, 1.3, 1.4, 1.5, 1.6, 2.0), (-5.4, -2.2, -4.3, -4.0, -0.6, 0.0
 FEWEST = 1.3  # h/dp, below which hardly anything but that period is measured; papers have cases with it
 LONG_WAVES = (1.3, 1.5, 1.6, 1.7, 2.0), (6.5, 4.8, 3.5, 1.3, 0.1)  # the same of the speed of a solitary wave
 CORRECTED_WAVE = 1.5, 0.2  # h / dp from which it is so with corrected gradients: not measured below
-SHIFTED = 1.4  # h / dp, below which shifted particles are packed under gravity
 RATIO, MOST_RATIO = 100, 1000  # of densities or viscosities of liquids, which are noticed and refused
 STRETCH = 0.1  # of the spacing along an edge, which is noticed
 CFL, STEP = ("simulation", "cfl"), ("simulation", "time_step")
@@ -184,10 +183,6 @@ def resolution(config: SphConfig) -> Iterator[Derived]:
         source = "one of 0.3 of the depth after 13 depths, 20 layers, measured; h/dp 2 or gradient_correction cures it"
         if ratio >= (CORRECTED_WAVE[0] if corrected else LONG_WAVES[0][0]) * (1 - 1e-9):
             yield Derived("error of the speed of a solitary wave", "", error, "%", source=source)
-    if config.numerics.shifting and any(config.gravity):
-        verdict, cure = ("ok", "") if ratio >= SHIFTED else ("warn", "smoothing = 1.6, or shifting = false")
-        source = "still tank, 20 layers, 1.3: its level fell by 28 % in 40 sqrt(H/g); 1.4 to 2: rose by 0.2 to 2 %"
-        yield Derived("shifted under gravity", "h/dp", ratio, "", f">= {SHIFTED}", verdict, source, cure, key)
 
 
 def decoupling(config: SphConfig) -> Iterator[Derived]:

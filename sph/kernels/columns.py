@@ -57,7 +57,8 @@ IN_TURN = False  # LIGHT holds 1 / rho for forces, then volumes for rates
 
 N = lanes(np.float64)
 F, I, WIDE, R = Vec(N, np.float64), Vec(N, np.int32), Vec(N, np.int64), Vec(N, np.dtype(KIND))
-ALL_AROUND = 1.5 if DIM == 2 else 2.4  # of - sum V_j F r^2, DIM inside the fluid; less at a surface (Lee et al. 2008)
+NEAR_SURFACE = 0.9  # of - sum V_j F r^2 over DIM, 1 inside the fluid (Lee et al. 2008): shifts grow from there to 1
+MOST_SHIFTED = 0.5  # of the largest velocity (Sun et al. 2019): shifts as large, after which fluid flows back, would grow
 LEAST_DETERMINANT = 0.1  # of the sum that L inverts, 1 inside the fluid, about 0.25 at a flat free surface in 2D
 
 
@@ -277,10 +278,18 @@ def pack_matrix(block, blocks, base, matrix, values):
 
 @njit
 def unpack_shifting(block, blocks, base, scales, at, flags, sums, offset):
-    """offset[d, slot] in h per Courant and Mach number; zero where fluid or walls are not all around."""
+    """offset[d, slot], velocities of shifts over the largest velocity. Where a surface is near, particles are not shifted:
+    they would be to where none are.
+    """
     for l in range(blocks[block], blocks[block + 1]):
         for b in range(np.uint64(base[l]), np.uint64(base[l + 1])):
             around = np.float64(sums[at + DIM, b]) * scales.of_around
-            inside = around > ALL_AROUND and flags[b] & FLUID == FLUID
+            inside = (around / DIM - NEAR_SURFACE) / (1.0 - NEAR_SURFACE) if flags[b] & FLUID == FLUID else 0.0
+            factor = -4.0 * scales.of_shifting * min(max(inside, 0.0), 1.0)
+            square = 0.0
             for k in range(DIM):
-                offset[k, b] = -4.0 * scales.of_shifting * np.float64(sums[at + k, b]) if inside else 0.0
+                offset[k, b] = factor * np.float64(sums[at + k, b])
+                square += offset[k, b] * offset[k, b]
+            if square > MOST_SHIFTED * MOST_SHIFTED:
+                for k in range(DIM):
+                    offset[k, b] *= MOST_SHIFTED / np.sqrt(square)

@@ -151,12 +151,22 @@ def spin_bodies(chunk, chunks, flags, key, period, moves, x, v):
 
 
 @njit
-def spread(chunk, chunks, numbers, flags, offset, x):
-    """x += numbers[1] offset: move particles of the fluid away from where they are crowded."""
+def set_off(chunk, chunks, numbers, flags, offset, v, v_old):
+    """v += numbers[1] offset, and remember v: particles of the fluid go away from where they are crowded."""
     for b in range(chunks[chunk], chunks[chunk + 1]):
         if flags[b] & FLUID and flags[b] & OWN:
             for k in range(DIM):
-                x[k, b] += numbers[1] * offset[k, b]
+                v_old[k, b] = v[k, b]
+                v[k, b] += numbers[1] * offset[k, b]
+
+
+@njit
+def arrive(chunk, chunks, flags, v, v_old):
+    """Give particles of the fluid the velocity that they had when they set off."""
+    for b in range(chunks[chunk], chunks[chunk + 1]):
+        if flags[b] & FLUID and flags[b] & OWN:
+            for k in range(DIM):
+                v[k, b] = v_old[k, b]
 
 
 @njit

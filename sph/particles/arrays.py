@@ -31,7 +31,7 @@ def arrays_of(spec: PairSpec, staged: bool) -> list[Array]:
         lines("shear", (d * d,), "", "velocity gradient d v_b / d x_a, in units of the pair sums"),
         lines("matrix", (d * d,), "", "renormalisation of gradients"),
         lines("wetted", (), "", "mu / mu0 of the fluid before a particle of a wall, 0 where it is dry"),
-        lines("offset", (d,), "m", "shift per Courant and Mach number"),
+        lines("offset", (d,), "", "velocity of its shift over the largest velocity"),
         *_of_pairs(spec),
         *(Array(name, ("slots",), "int32", "", text, phase="sort") for name, text in SORTING.items()),
         Array("moved", ("slots",), "float64", "", "a line of the state, in the order of slots", phase="sort"),

@@ -13,14 +13,16 @@ from sph.physics.timestep import Clock
 
 
 class Evolution:
-    """`motion`: the kernels of that name; `evaluations`: of pair sums so far (see physics.integrators.Evolving)."""
+    """`motion`: the kernels of that name; `evaluations`: of pair sums so far (see physics.integrators.Evolving); `speed`:
+    the largest, m/s, with which particles that are shifted go away from where they are crowded.
+    """
 
     def __init__(
         self, clock: Clock, tasks: Tasks, motion: ModuleType, sums: PairSums, walls: Walls, timers: Timers
     ) -> None:
         self.clock, self.tasks, self.motion, self.sums = clock, tasks, motion, sums
         self.walls, self.timers, self.numbers = walls, timers, tasks.arena["numbers"]
-        self.evaluations, self._evaluated_at = 0, -1
+        self.evaluations, self._evaluated_at, self.speed = 0, -1, 0.0
         self.bodies: Bodies | None = None
         self.openings: Openings | None = None
         self.driven: list[Callable] = []  # kernels of accelerations of the user's own
@@ -52,7 +54,14 @@ class Evolution:
         self._evaluated_at = self.clock.step if start else -1
 
     def evaluate_rates(self) -> None:
-        """Find D of rho as in `evaluate_forces`, the new v, and x half a step of it later. Collective."""
+        """Find D of rho as in `evaluate_forces`, the new v, and x half a step of it later. Collective.
+
+        Where particles are shifted, v is the velocity they move with until they have: v + speed offset.
+        """
+        if self.sums.spec.shifting:
+            if self.openings:
+                self.openings.still()
+            self._update(self.motion.set_off, self.speed)
         with self.timers.section("pairs"):
             self.sums.rates(self.clock.step, self.clock.time_step)
             if self.openings:
@@ -86,16 +95,11 @@ class Evolution:
     def drift(self) -> None:
         """x = x + dt v, rho = rho + dt D."""
         self._update(self.motion.drift, at=self.sums.rate)
+        if self.sums.spec.shifting:
+            self._update(self.motion.arrive)
         self._carry_walls(1.0)
         if self.bodies:
             self.bodies.drift()
-
-    def shift(self, speed: float) -> None:
-        """x = x + dt speed offset: particles away from where they are crowded, for the largest speed in m/s."""
-        if self.openings:
-            self.openings.still()
-        self.numbers[1] = self.clock.time_step * speed
-        self.tasks.each(self.motion.spread)
 
     def wrap(self) -> None:
         """Particles behind a mirror change places with their images; x goes back into periodic sides."""

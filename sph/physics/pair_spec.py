@@ -324,5 +324,6 @@ def unused(spec: PairSpec, staged: bool) -> set[str]:
     needed = {
         "gradient": spec.needs_gradient, "shear": spec.needs_stress,
         "matrix": spec.corrected, "offset": spec.shifting, "wetted": spec.wetted,
-    } | dict.fromkeys(("x_old", "v_old", "drho_old"), staged)  # fmt: skip
+        "x_old": staged, "v_old": staged or spec.shifting, "drho_old": staged,
+    }  # fmt: skip
     return {name for name, used in needed.items() if not used}

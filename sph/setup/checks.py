@@ -17,6 +17,7 @@ from sph.case.bodies import Body, Hinge
 from sph.case.columns import columns_of, scalar_units
 from sph.case.config import AXES, FRONT, WALL_PRESSURE, Fluid, Gauge, Shape, SphConfig, Wall, name_of
 from sph.physics import stability
+from sph.physics.integrators import INTEGRATORS
 from sph.physics.liquids import liquids_of
 from sph.physics.smoothing import SMOOTHING
 from sph.physics.viscosities import VISCOSITIES
@@ -201,6 +202,10 @@ def relations(config: SphConfig) -> Iterator[Fault]:
     viscous = any(fluid.dynamic_viscosity for fluid in config.fluid)
     if VISCOSITIES[config.numerics.viscosity_form or "none"].physical and not viscous:
         yield ("numerics", "viscosity_form"), 'needs a fluid with viscosity > 0, or "none"'
+    integrator = config.simulation.integrator
+    if config.numerics.shifting and not INTEGRATORS[integrator].split:
+        text = f'"{integrator}" finds rates of density before shifts are known: simulation.integrator = "symplectic"'
+        yield ("numerics", "shifting"), text
 
 
 def liquid_faults(config: SphConfig) -> Iterator[Fault]:

@@ -6,6 +6,8 @@ from hpcpic.core.case.words import only_seconds
 from sph.case import geometry
 from sph.case.config import Domain, SphConfig, Wall, name_of, shapes_of
 from sph.physics.fluxes import FLUXES
+from sph.physics.integrators import INTEGRATORS
+from sph.physics.liquids import liquids_of
 from sph.physics.stability import courant_limit
 from sph.physics.viscosities import VISCOSITIES
 from sph.setup.speeds import speed_scale
@@ -97,9 +99,12 @@ def _numerics(config: SphConfig):
     viscous = any(fluid.dynamic_viscosity for fluid in config.fluid)
     form = numerics.viscosity_form or ("morris" if viscous else "artificial")
     flux, alpha = numerics.flux_coefficient, numerics.artificial_viscosity
+    shifts = form == "morris" and not numerics.gradient_correction and not liquids_of(config).several
+    shifts &= INTEGRATORS[config.simulation.integrator].split  # else rates of density do not know them
     return numerics.model_copy(
         update={
             "viscosity_form": form,
+            "shifting": shifts if numerics.shifting is None else numerics.shifting,
             "flux_coefficient": FLUXES[numerics.density_flux].coefficient if flux is None else flux,
             "artificial_viscosity": VISCOSITIES[form].artificial if alpha is None else alpha,
         }

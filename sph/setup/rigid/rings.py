@@ -18,11 +18,8 @@ GOLDEN = math.pi * (3.0 - math.sqrt(5.0))  # between neighbours on a spiral over
 
 
 def is_round(wall: Any) -> bool:
-    """Whether a wall lies in layers: a disc, a ball, or in 3D a cylinder, around fluid or a solid that slips. A solid
-    that sticks keeps its lattice: between cylinders that turn its torque is as near to theory, or nearer.
-    """
-    shape, smooth = wall.shape, wall.rule.slips or not wall.section.solid
-    return smooth and bool(shape.sphere or (shape.cylinder and wall.scene.dimensions == 3))
+    """True for a disc, a ball, or in 3D a cylinder, around fluid or solid."""
+    return bool(wall.shape.sphere or (wall.shape.cylinder and wall.scene.dimensions == 3))
 
 
 def ring(radius: float, spacing: float, first: float) -> Reals:

@@ -104,13 +104,6 @@ def test_the_smoothing_length(ratio, kernel, verdict):
     assert found["smoothing length"].verdict == verdict
 
 
-def test_particles_that_are_packed_by_shifts_are_told():
-    """Under gravity, by too few neighbours; a scene without shifts says nothing of them."""
-    few, enough = (numbers(numerics=f"shifting = true; smoothing = {ratio};") for ratio in (1.3, 1.6))
-    assert [found["shifted under gravity"].verdict for found in (few, enough)] == ["warn", "ok"]
-    assert "shifted under gravity" not in numbers(numerics="smoothing = 1.3;")
-
-
 @pytest.mark.parametrize("step, verdict", [(1e-3, "ok"), (4e-2, "fail")])
 def test_a_fixed_viscous_step(step, verdict):
     text = TANK.replace("cfl = 0.4;", f"time_step = {step};")
