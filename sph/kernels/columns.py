@@ -58,7 +58,7 @@ IN_TURN = False  # LIGHT holds 1 / rho for forces, then volumes for rates
 N = lanes(np.float64)
 F, I, WIDE, R = Vec(N, np.float64), Vec(N, np.int32), Vec(N, np.int64), Vec(N, np.dtype(KIND))
 NEAR_SURFACE = 0.9  # of - sum V_j F r^2 over DIM, 1 inside the fluid (Lee et al. 2008): shifts grow from there to 1
-MOST_SHIFTED = 0.5  # of the largest velocity (Sun et al. 2019): shifts as large, after which fluid flows back, would grow
+MOST_SHIFTED = 0.5  # of the largest velocity (Sun et al. 2019): fluid flows back, and as fast it would make shifts grow
 LEAST_DETERMINANT = 0.1  # of the sum that L inverts, 1 inside the fluid, about 0.25 at a flat free surface in 2D
 
 
@@ -278,8 +278,8 @@ def pack_matrix(block, blocks, base, matrix, values):
 
 @njit
 def unpack_shifting(block, blocks, base, scales, at, flags, sums, offset):
-    """offset[d, slot], velocities of shifts over the largest velocity. Where a surface is near, particles are not shifted:
-    they would be to where none are.
+    """offset[d, slot], velocities of shifts over the largest velocity. Particles near a surface are not shifted: they
+    would be to where none are.
     """
     for l in range(blocks[block], blocks[block + 1]):
         for b in range(np.uint64(base[l]), np.uint64(base[l + 1])):

@@ -13,8 +13,8 @@ from sph.physics.timestep import Clock
 
 
 class Evolution:
-    """`motion`: the kernels of that name; `evaluations`: of pair sums so far (see physics.integrators.Evolving); `speed`:
-    the largest, m/s, with which particles that are shifted go away from where they are crowded.
+    """`motion`: the kernels of that name; `evaluations`: of pair sums so far (see physics.integrators.Evolving);
+    `speed`: the largest, m/s, by which particles are shifted away from where they are crowded.
     """
 
     def __init__(

@@ -24,8 +24,8 @@ def still(open_top, **numerics):
 @pytest.mark.parametrize("open_top", [True, False], ids=["open", "closed"])
 @pytest.mark.parametrize("settings", [{"smoothing": 1.3}, {"smoothing": 1.5}, {"gradient_correction": True}], ids=repr)
 def test_still_water_keeps_its_level_and_pressure(open_top, settings):
-    """Shifts and the lattice that pressure wants push against each other for ever. Where densities don't know of them, an
-    open tank loses 28 % of its level with few neighbours, and the pressure of a closed one rises without end.
+    """Shifts and the lattice that pressure wants push against each other for ever. Where densities do not know of them,
+    an open tank loses 28 % of its level with few neighbours, and the pressure of a closed one rises without end.
     """
     with still(open_top, **settings).simulation(threads=1) as sim:
         first = sim.scalars()
@@ -36,8 +36,8 @@ def test_still_water_keeps_its_level_and_pressure(open_top, settings):
 
 
 def test_water_that_breaks_free_is_no_faster_than_its_front():
-    """Near a surface nothing is shifted, and nothing faster than half of the fastest: else water that flows back against
-    its shifts would be the fastest, and shifted the faster for it.
+    """Near a surface nothing is shifted, and nothing faster than half of the fastest: else water that flows back would
+    be the fastest, and shifted the faster for it.
     """
     height = 0.3
     case = sph.Case(
