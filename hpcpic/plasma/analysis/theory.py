@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hpcpic.plasma.physics.boris import impulse_across
 from hpcpic.plasma.physics.shapes import SHAPES
 
 ALIASES = {1: 24, 2: 10, 3: 5}  # each way, by axes that k is not across: the shape falls as 1/p^2 or faster, and what
@@ -222,11 +223,11 @@ def upper_hybrid_frequency(
     """Frequency of the cold wave across B as the scheme makes it: half kick, turn by theta, half kick, drift.
 
     The linear map of (x, vx, vy) over a step has eigenvalues 1 and exp(+-i omega dt) with
-    sin^2(omega dt/2) = sin^2(theta/2) + cos^2(theta/2) (wp cos(k dx/2) dt/2)^2,
-    which tends to omega^2 = wp^2 + wc^2.
+    sin^2(omega dt/2) = sin^2(theta/2) + cos^2(theta/2) (wp cos(k dx/2) dt/2)^2 f,
+    which tends to omega^2 = wp^2 + wc^2; f is 1, or with an exact phase that of the impulse across B.
     """
     half = 0.5 * boris_angle(wc, dt, exact_phase)
-    kick = 0.5 * wp * dt * np.cos(0.5 * k * dx)
+    kick = 0.5 * wp * dt * np.cos(0.5 * k * dx) * (np.sqrt(impulse_across(wc * dt)) if exact_phase else 1.0)
     return 2.0 / dt * float(np.arcsin(np.sqrt(np.sin(half) ** 2 + (np.cos(half) * kick) ** 2)))
 
 

@@ -255,7 +255,7 @@ class Numerics(Section):
         ge=0,
     )
     precision: Literal["double", "single"] = setting("double", "arithmetic of the particles")
-    exact_phase: bool = setting(False, "Boris rotation with t = tan(wc dt/2): exact gyro-phase")
+    exact_phase: bool = setting(False, "Boris rotation with t = tan(wc dt/2), likewise impulses across B")
     reproducible: Literal[True] = setting(True, "same bits for any ranks, threads and task blocks")
 
 
@@ -390,10 +390,11 @@ def velocity_components(config: PlasmaConfig) -> int:
 
 
 def rotation(config: PlasmaConfig) -> int:
-    """Kind of rotation of velocities in the magnetic field (5.4.1): 0 there is none, 1 about z, 2 about any other axis.
+    """Kind of rotation of velocities in the magnetic field (5.4.1): 0 there is none, 1 about z, 2 about any other axis,
+    3 about any other with an exact angle, for which the impulse across it is another one than along it.
     """
     bx, by, bz = config.field.magnetic
-    return 2 if bx or by else int(bz != 0)
+    return (3 if config.numerics.exact_phase else 2) if bx or by else int(bz != 0)
 
 
 def volume(config: PlasmaConfig) -> float:

@@ -6,7 +6,8 @@ velocities before and after the step, and these are (x^(n+1) - x^(n-1)) / dt tog
 
     P = sum m v^(n-1/2)  changes by  sum (2 m / dt) (X x t),  X the way of (x^n + x^(n-1)) / 2,
 
-over any number of steps, to rounding. Along B nothing turns it: P stays, and sum m X is P times the time.
+over any number of steps, to rounding. Along B nothing turns it: P stays, and sum m X is P times the time. With
+exact_phase impulses across B are multiplied by a factor of each species, and add up to nothing where it is one factor.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ class KeptMotion:
         self.mass = float(sum(one.n * one.m for one in species))
         self.per_part = 2.0**-PLACE_BITS * np.outer([one.m for one in species], spacing) / scene.time_step
         self.laws = laws(scene) if scene.n_particles >= MIN_PARTICLES else []
-        self.rounding = 4.0 / charge_parts
+        self.rounding = 4.0 / charge_parts * max((one.impulse_across(1.0) for one in species), default=1.0)
         self.seconds_per_mass = scene.time_step / self.mass if self.mass else 0.0
         self.per_cell = self.mass * float(spacing.max()) / scene.time_step
         self.edge_rounding = EDGE[self.dimensions] * float(np.finfo(real).eps)  # of a place in its tile, cells
@@ -97,10 +98,11 @@ def laws(scene: Scene) -> list[Law]:
     b = np.array(config.field.magnetic)
     t = np.array([species.rotation[0] for species in scene.species]).reshape(-1, 3)
     tried = [*np.eye(3)[: scene.velocity_components], b, b * (1.0, 1.0, 0.0)]
+    alike = len({species.impulse_across(1.0) for species in scene.species if species.q}) < 2
     for along in (vector / np.linalg.norm(vector) for vector in tried if vector.any()):
         turned = 2.0 * np.cross(t, along)
         turned[np.abs(turned) < PARALLEL * np.abs(t).max(initial=0.0)] = 0.0
-        if turned[:, d:].any() or np.dot(config.field.electric, along):
+        if turned[:, d:].any() or np.dot(config.field.electric, along) or not (alike or not turned.any()):
             continue
         if not any(np.allclose(along, law.along) for law in found):
             found.append(Law(along, turned[:, :d], not turned.any() and not along[d:].any()))

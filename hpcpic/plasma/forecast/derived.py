@@ -25,7 +25,7 @@ from hpcpic.plasma.forecast.scales import (
     thermal_velocities,
     total_plasma_frequency,
 )
-from hpcpic.plasma.forecast.turning import fastest_turn, turning
+from hpcpic.plasma.forecast.turning import MOST_WAVE, WIDER, fastest_turn, stronger_across, turning
 from hpcpic.plasma.physics.heating import HEATING, MIN_PER_CELL, energy_ratio
 from hpcpic.plasma.physics.poisson import operator_of, response
 from hpcpic.plasma.physics.quiet_start import recurrence_time
@@ -124,11 +124,14 @@ def stability(config: PlasmaConfig) -> Iterator[Derived]:
     yield Derived("plasma frequency", "wp", mean, "rad/s")
     if where:
         yield Derived(f"plasma frequency{where}", "wp max", wp, "rad/s")
-    strength = math.sqrt(field_strength(config))
+    across = stronger_across(config)
+    strength = math.sqrt(field_strength(config) * across)
     step = abs(wp * dt) * strength
-    limit = "<= 0.5" if step < 1.2 else "< 1.2, stable below 2"
+    limit, source = "<= 0.5" if step < 1.2 else "< 1.2, stable below 2", f"{BOOK} ch. 4"
+    if across > WIDER:
+        source += f"; sqrt({across:.4g}) of it by numerics.exact_phase: impulses across B"
     yield judged(
-        f"time step{where}", "wp dt", step, limit, verdict_of(step <= 0.5, step < 1.2), f"{BOOK} ch. 4",
+        f"time step{where}", "wp dt", step, limit, verdict_of(step <= MOST_WAVE, step < 1.2), source,
         f"time_step = {step_for(config, 0.499, step):g} or less", TIME_STEP,
         forceable=abs(mean * dt) * strength < 2, stable_below=2.0,
     )  # fmt: skip

@@ -20,7 +20,7 @@ from hpcpic.plasma.physics.species_fields import asked_for
 from hpcpic.plasma.setup.macro_particles import macro_charge
 from hpcpic.plasma.sizes import EDGE, PAGE
 
-ROTATION = ("no rotation", "rotation about z", "rotation about any axis")
+ROTATION = ("no rotation", "rotation about z", "rotation about any axis", "exact rotation about any axis")
 
 
 def groups(config: PlasmaConfig) -> int:

@@ -4,9 +4,17 @@ import math
 
 from hpcpic.core.case.derived import Derived, judged
 from hpcpic.plasma.case.config import PlasmaConfig
-from hpcpic.plasma.forecast.scales import UNITS, step_for
+from hpcpic.plasma.forecast.scales import (
+    MOST_WITHOUT_FIELD,
+    UNITS,
+    plasma_frequency,
+    step_for,
+    total_plasma_frequency,
+)
+from hpcpic.plasma.physics.boris import impulse_across
 
 MOST_TURN = 1e6  # wc dt beyond which round-off of the turn heats: in 40 steps by 1e-5 at 1e12, by 5 at 1e15, measured
+MOST_WAVE = 0.5  # wp dt of waves that a step resolves
 WIDER = 1.01  # radius of an orbit over the true one that is told
 
 
@@ -24,6 +32,29 @@ def larger_orbit(step: float, exact: bool) -> float:
     return 0.5 * step / math.sin(0.5 * step) if exact else math.hypot(1.0, 0.5 * step)
 
 
+def stronger_across(config: PlasmaConfig) -> float:
+    """By what exact_phase multiplies the squared plasma frequency of waves across B that the step must resolve; 1
+    where it is off, where B lies along all axes that have a field, and where a step is half a turn or more.
+    """
+    magnetic, dt = config.field.magnetic, abs(config.simulation.time_step)
+    fields = [axis for axis, n in enumerate(config.points) if n > MOST_WITHOUT_FIELD]
+    across = any(strength for axis in fields for other, strength in enumerate(magnetic) if other != axis)
+    if not config.numerics.exact_phase or not across or fastest_turn(config) * dt >= math.pi:
+        return 1.0
+    squares = {i: plasma_frequency(config, species) ** 2 for i, species in enumerate(config.species)}
+    turns = [species.charge / species.mass * math.hypot(*magnetic) * dt for species in config.species]
+    total = sum(squares.values())
+    return sum(own * impulse_across(turns[i]) for i, own in squares.items()) / total if total else 1.0
+
+
+def resolved_when_exact(config: PlasmaConfig) -> bool:
+    """Whether the step would resolve waves across B with exact_phase, or be no worse there than now."""
+    exact = config.numerics.model_copy(update={"exact_phase": True})
+    stronger = stronger_across(config.model_copy(update={"numerics": exact}))
+    waves = total_plasma_frequency(config) * abs(config.simulation.time_step)
+    return waves * math.sqrt(stronger) <= MOST_WAVE or stronger < WIDER
+
+
 def turning(config: PlasmaConfig, step: float) -> Derived:
     """The angle by which a particle turns in a step."""
     exact = config.numerics.exact_phase
@@ -32,8 +63,10 @@ def turning(config: PlasmaConfig, step: float) -> Derived:
     cure, source = f"time_step = {step_for(config, 0.349, step):g}", "Birdsall & Langdon ch. 4"
     if step >= MOST_TURN:
         cure += f", or a weaker field: a step only turns velocities round; {UNITS}"
-    elif exact or step < math.pi:
-        cure += f", or numerics.exact_phase = {'false' if exact else 'true'}"
+    elif exact:
+        cure += ", or numerics.exact_phase = false"
+    elif step < math.pi and resolved_when_exact(config):
+        cure += ", or numerics.exact_phase = true"
     if 0 < step < most and (larger := larger_orbit(step, exact)) > WIDER:
         source += f"; the radii of orbits are {larger:.4g} times the true ones"
     return judged(

@@ -57,7 +57,7 @@ class BoxArrays(NamedTuple):
 
 
 class SpeciesArrays(NamedTuple):
-    """Numbers by species: mover[species, 10] of physics.boris; charge[species] = (group, parts with sign)."""
+    """Numbers by species: mover[species, 16] of physics.boris; charge[species] = (group, parts with sign)."""
 
     mover: NDArray
     charge: NDArray

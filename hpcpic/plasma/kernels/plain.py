@@ -35,7 +35,7 @@ from hpcpic.plasma.physics.boris import boris
 
 DIM = 2  # axes of the grid
 VELOCITIES = 2  # components
-ROTATION = 0  # 0 no magnetic field, 1 along z, 2 any direction
+ROTATION = 0  # kind of rotation, see physics.boris
 REAL = np.float64  # precision of a particle
 
 AHEAD = 16  # particles

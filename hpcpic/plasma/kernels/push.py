@@ -59,7 +59,7 @@ from hpcpic.plasma.physics.boris import boris
 
 DIM = 2  # axes of the grid
 REAL = np.float64  # precision of a particle
-ROTATION = 0  # 0 no magnetic field, 1 along z, 2 any direction
+ROTATION = 0  # kind of rotation, see physics.boris
 VELOCITIES = 2  # components
 
 ALL = (1 << LANES) - 1
@@ -273,7 +273,8 @@ def push_pages(slot, end, grid, species, pages, leavers, patch, room, scout, bat
     bounds = (splat(HALF_F, REAL(ends[5])), splat(HALF_F, REAL(ends[6])), splat(HALF_F, REAL(ends[3])),
               splat(HALF_F, REAL(ends[4])), splat(HALF_F, REAL(planes[0])), splat(HALF_F, REAL(planes[1])))  # fmt: skip
     row = species.mover[kind]
-    m = (row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9])
+    m = (row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9], row[10], row[11], row[12],
+         row[13], row[14], row[15])  # fmt: skip
     unit, sign = unit_of(charge[kind])
     page, used, n = np.int64(pages.head[slot]), (pages.count[slot] - 1) % PAGE + 1, np.int64(0)
     if page >= 0:

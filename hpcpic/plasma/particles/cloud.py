@@ -29,7 +29,7 @@ class Cloud:
     """Particles of one rank in pages; `patches` hold the charge of each block after `push` and `deliver`.
 
     e[axis] is E of the slab [planes, rows, columns] with the ghosts of the shape on all axes, scaled in the kernels by
-    `scale`, a power of two; mover[species, 10] see physics.boris; charge[species] =
+    `scale`, a power of two; mover[species, 16] see physics.boris; charge[species] =
     (group, parts of one particle with sign). `arena` holds the arrays of particles.arrays.
     """
 

@@ -20,7 +20,7 @@ WHOLE_BITS = {8: 44, 4: 20}  # a particle's charge is 2^44 parts, in single prec
 
 @dataclass(frozen=True, slots=True)
 class PushSpec:
-    """What the kernels are made for: axes, shape, velocity components, rotation 0 none, 1 about z, 2 any; type of a
+    """What the kernels are made for: axes, shape, velocity components, kind of rotation (physics.boris); type of a
     particle's numbers; moments of the series.
     """
 

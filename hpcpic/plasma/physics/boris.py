@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from hpcpic.core.simd.formulas import fma
 from hpcpic.core.space.products import product
 
-NO_ROTATION, ABOUT_Z, ABOUT_ANY = 0, 1, 2  # kinds of rotation
+NO_ROTATION, ABOUT_Z, ABOUT_ANY, EXACT_ABOUT_ANY = 0, 1, 2, 3  # kinds of rotation
 
 
 def sheared(p: Any, q: Any, t: Any, s: Any) -> Any:
@@ -29,20 +29,39 @@ def boris(
 ) -> Any:  # fmt: skip
     """The velocity after a step: half of the electric impulse, rotation about B, the other half.
 
-    m[10] = impulse of E along x and y; of the uniform field along an axis y and z without a grid, or of E along a z
-    with one; t and s of the rotations about z, y and x (see `shears`). Without a rotation the impulse is the whole one.
+    m[16] = impulse of E along x and y; of the uniform field along an axis y and z without a grid, or of E along a z
+    with one; t and s of the rotations about z, y and x (see `shears`); where the impulse is corrected across any axis,
+    what E along that axis is too much by, in parts by x, y and z, and the axis. Without a rotation the impulse is the
+    whole one.
     """
     ux = fma(m[0], ex, vx)  # v-
     uy = fma(m[1], ey, vy) if dimensions > 1 else vy + m[2]
     uz = fma(m[3], ez, vz) if dimensions == 3 else vz + m[3]
     if rotation == NO_ROTATION:
         return ux, uy, uz
-    if rotation == ABOUT_ANY:
+    if rotation >= ABOUT_ANY:
         uy, uz = sheared(uy, uz, m[8], m[9])
         uz, ux = sheared(uz, ux, m[6], m[7])
     ux, uy = sheared(ux, uy, m[4], m[5])
+    ux = fma(m[0], ex, ux)
     uy = fma(m[1], ey, uy) if dimensions > 1 else uy + m[2]
-    return fma(m[0], ex, ux), uy, (fma(m[3], ez, uz) if dimensions == 3 else uz + m[3])
+    uz = fma(m[3], ez, uz) if dimensions == 3 else uz + m[3]
+    if rotation == EXACT_ABOUT_ANY:
+        along = m[10] * ex
+        along = fma(m[11], ey, along) if dimensions > 1 else along + m[11]
+        along = fma(m[12], ez, along) if dimensions == 3 else along + m[12]
+        ux, uy, uz = fma(m[13], along, ux), fma(m[14], along, uy), fma(m[15], along, uz)
+    return ux, uy, uz
+
+
+def impulse_across(angle: float) -> float:
+    """By what an electric impulse across B is multiplied, beside a turn by the angle in a step: tan(angle/2)/(angle/2).
+
+    With an exact angle particles then drift by E x B/B^2 in uniform fields, whatever the step. It is the mover that
+    turns by 2 atan(wc dt/2), of particles whose mass across B is m over this factor (Birdsall & Langdon, chapter 4).
+    """
+    half = 0.5 * abs(angle)
+    return math.tan(half) / half if half else 1.0
 
 
 def rotation_vectors(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from hpcpic.core.space.domain import wrap
 from hpcpic.core.space.elementary import sin
 from hpcpic.plasma.case import config as case
-from hpcpic.plasma.physics.boris import part_of_turn, rotation_vectors, shears, turn
+from hpcpic.plasma.physics.boris import ABOUT_Z, impulse_across, part_of_turn, rotation_vectors, shears, turn
 from hpcpic.plasma.physics.poisson import operator_of
 from hpcpic.plasma.setup import loaders, macro_particles
 
@@ -53,26 +53,30 @@ class Scene:
         return np.array((*(side / self.spacing[0] for side in self.spacing), 1.0, 1.0)[:3])
 
     def mover(self, field_scale: float, steps: float = 1.0) -> NDArray[np.float64]:
-        """mover[species, 10] of physics.boris for `steps` time steps; kernels gather E times field_scale.
+        """mover[species, 16] of physics.boris for `steps` time steps; kernels gather E times field_scale.
 
         steps = -1/2 rewinds: half the impulse, and half the angle that the mover turns in a step, backwards.
         """
-        kind, rows = case.rotation(self.config), np.zeros((len(self.species), 10))
+        kind, rows = case.rotation(self.config), np.zeros((len(self.species), 16))
         side = np.array((*self.spacing, self.spacing[0], self.spacing[0])[:3])
         uniform = np.array(self.config.field.electric)
         for row, species in zip(rows, self.species):
             impulse = np.zeros(3)
             impulse[: self.velocity_components] = species.half_kick * steps * (1 if kind else 2)
+            across, axis = species.impulse_across(steps), species.axis * side
+            row[10:13] = axis * impulse * np.where(np.arange(3) < self.dimensions, 1 / field_scale, uniform)
+            row[13:] = 2 * (1 - across) * species.axis / side
+            impulse[: 2 if kind == ABOUT_Z else 3] *= across
             row[:2][: self.dimensions] = impulse[:2][: self.dimensions] / field_scale
             row[2] = impulse[1] * uniform[1] if self.dimensions == 1 else 0.0
             row[3] = impulse[2] / field_scale if self.dimensions == 3 else impulse[2] * uniform[2]
             t, s = species.rotation
             if steps != 1.0:
                 t, s = part_of_turn(t, steps)
-            if kind == 1:
+            if kind == ABOUT_Z:
                 row[4:6] = t[2] * side[1] / side[0], -s[2] * side[0] / side[1]
-            elif kind == 2:
-                row[4:] = shears(t, s, side)
+            elif kind > ABOUT_Z:
+                row[4:10] = shears(t, s, side)
         return rows
 
 
@@ -124,15 +128,31 @@ class SceneSpecies:
         return rotation_vectors(config.field.magnetic, self.charge_to_mass, self.scene.time_step, exact)
 
     @property
+    def axis(self) -> NDArray[np.float64]:
+        """Unit vector[3] along B; zero where there is none."""
+        magnetic = np.array(self.scene.config.field.magnetic)
+        return magnetic / (np.sqrt(np.sum(magnetic * magnetic)) or 1.0)
+
+    def impulse_across(self, steps: float) -> float:
+        """By what impulses across B of so many steps are multiplied, see physics.boris; 1 but with exact_phase."""
+        config = self.scene.config
+        if not config.numerics.exact_phase:
+            return 1.0
+        magnetic = np.array(config.field.magnetic)
+        return impulse_across(self.charge_to_mass * np.sqrt(np.sum(magnetic * magnetic)) * self.scene.time_step * steps)
+
+    @property
     def half_turn(self) -> NDArray[np.float64]:
         """A[3, 3] with v^n = v- + A v-: the rotation by half the angle of a step, less the identity."""
         return turn(*part_of_turn(self.rotation[0], 0.5))
 
     def before_turn(self, steps: float) -> NDArray[np.float64]:
         """M[3, 3]: v + M a dt, turned by the mover for so many steps, has had half of a dt before the turn and half
-        after it, as of the electric impulse.
+        after it, across B by as much more as the electric impulse.
         """
-        return steps * (np.eye(3) + turn(*part_of_turn(self.rotation[0], steps)).T / 2)
+        halves = steps * (np.eye(3) + turn(*part_of_turn(self.rotation[0], steps)).T / 2)
+        across, along = self.impulse_across(steps), np.outer(self.axis, self.axis)
+        return across * halves + (1 - across) * steps * along
 
     def positions(self, ids: NDArray) -> NDArray[np.float64]:
         """Positions[n, d] in m, in [0, L), of particles ids[n] of this species at t = 0."""

@@ -193,7 +193,8 @@ def test_upper_hybrid_is_the_eigenvalue_of_the_step(exact_phase):
     """The closed form against the matrix of (x, vx, vy): half kick, turn, half kick, drift."""
     wp, wc, dt = 1.0, 0.7, 0.3
     theta = theory.boris_angle(wc, dt, exact_phase)
-    kick = np.array([[1, 0, 0], [-0.5 * wp**2 * dt, 1, 0], [0, 0, 1]])
+    across = math.tan(0.5 * wc * dt) / (0.5 * wc * dt) if exact_phase else 1.0
+    kick = np.array([[1, 0, 0], [-0.5 * wp**2 * dt * across, 1, 0], [0, 0, 1]])
     c, s = math.cos(theta), math.sin(theta)
     turn = np.array([[1, 0, 0], [0, c, s], [0, -s, c]])
     drift = np.array([[1, dt, 0], [0, 1, 0], [0, 0, 1]])

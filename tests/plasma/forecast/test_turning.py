@@ -19,6 +19,22 @@ species = ( { name = "p"; particles = 1; charge = 1e-9; mass = 1e-9; drift_veloc
 """
 
 
+WAVES = GYRATION.replace("1e-9; mass = 1e-9", "-1.0; mass = 1.0; plasma_frequency = 0.5")
+
+
+def test_an_exact_phase_is_a_cure_only_where_the_step_resolves_waves_across_the_field():
+    """They feel impulses tan(wc dt/2)/(wc dt/2) times as large: stable for wp dt below 2 over its root."""
+    for turn, offered in ((0.4, True), (2.0, False)):
+        sets = [f"field.magnetic=[0, 0, {turn}]", "species[0].plasma_frequency=0.49"]
+        assert ("exact_phase" in numbers(sets, WAVES)[0]["wc dt"].cure) == offered
+        found = numbers([*sets, "numerics.exact_phase=true"], WAVES)[0]["wp dt"]
+        assert found.value == pytest.approx(0.49 * np.sqrt(np.tan(turn / 2) / (turn / 2)))
+        assert (found.verdict == "ok") == offered
+        assert "by numerics.exact_phase" in found.source
+        along = ["grid.points=[16, 1]", f"field.magnetic=[{turn}, 0, 0]", "numerics.exact_phase=true"]
+        assert numbers([*along, "species[0].plasma_frequency=0.49"], WAVES)[0]["wp dt"].value == pytest.approx(0.49)
+
+
 @pytest.mark.parametrize("step, exact", [(0.25, False), (0.3, False), (20.0, False), (0.4, True), (3.0, True)])
 def test_how_much_too_large_orbits_are_is_what_a_run_shows(world, step, exact):
     """The circle through three positions, of radius v/wc = 0.1 m in nature; told from 1 % on."""

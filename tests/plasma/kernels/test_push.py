@@ -16,7 +16,8 @@ from hpcpic.plasma.physics.shapes import SHAPES
 
 SPECS = [(2, 2, 0, "CIC"), (2, 2, 1, "CIC"), (2, 3, 2, "CIC"), (1, 1, 0, "CIC"), (1, 3, 2, "CIC"),
         (2, 2, 0, "NGP"), (1, 1, 0, "NGP"), (2, 2, 0, "TSC"), (1, 1, 0, "TSC"),
-        (3, 3, 0, "CIC"), (3, 3, 2, "CIC"), (3, 3, 0, "NGP"), (3, 3, 0, "TSC")]  # fmt: skip
+        (3, 3, 0, "CIC"), (3, 3, 2, "CIC"), (3, 3, 3, "CIC"), (2, 3, 3, "CIC"),
+        (3, 3, 0, "NGP"), (3, 3, 0, "TSC")]  # fmt: skip
 BY_DEFAULT = [(2, 2, 0, "CIC", np.float32), (2, 2, 1, "CIC", np.float64), (2, 3, 2, "CIC", np.float64),
        (1, 1, 0, "NGP", np.float32), (2, 2, 0, "TSC", np.float64), (3, 3, 2, "CIC", np.float32)]  # fmt: skip
 BOTH = [
@@ -61,7 +62,7 @@ def cloud(pool, spec, points, *, blocks=1, n=4000, speed=0.3, plain=False, field
     room[: e.size] = e.ravel()
     t = 0.1
     s = 2 * t / (1 + t * t)
-    mover = np.array([[0.1, 0.1, 0, 0.1 if d == 3 else 0, *([t, -s] * 3)]] * 2)
+    mover = np.array([[0.1, 0.1, 0, 0.1 if d == 3 else 0, *([t, -s] * 3), *[0.02] * 3, *[-0.5] * 3]] * 2)
     unit = 1 << WHOLE_BITS[np.dtype(spec.dtype).itemsize]
     charge = np.array([[0, unit], [0, -unit]], np.int64)
     e = room[: e.size].reshape(e.shape)
@@ -184,7 +185,7 @@ def test_the_shears_turn_as_the_product_of_boris_about_any_axis(pool, magnetic):
     made = cloud(pool, linear(np.float64, 3, 2), (32, 32), n=100, field=0.0, speed=0.1)
     side = np.array([0.5, 0.2, 0.5])
     t, s = rotation_vectors(magnetic, 1.5, 0.2, False)
-    made.arena["mover"][:, 4:] = shears(t, s, side)
+    made.arena["mover"][:, 4:10] = shears(t, s, side)
     before = velocities(made) * side
     made.push(0)
     made.deliver()

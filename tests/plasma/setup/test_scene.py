@@ -7,8 +7,10 @@ from hypothesis import strategies as st
 
 from hpcpic.core.case.config import load, loads
 from hpcpic.plasma.app import shipped_cases
+from hpcpic.plasma.case.config import rotation
 from hpcpic.plasma.configure import configure
-from hpcpic.plasma.physics.boris import turn
+from hpcpic.plasma.diagnostics.kept_motion import laws
+from hpcpic.plasma.physics.boris import boris, turn
 from hpcpic.plasma.physics.quiet_start import BASES, lattice, radical_inverse
 from hpcpic.plasma.setup.loaders import velocity_moments
 from hpcpic.plasma.setup.scene import Scene
@@ -274,6 +276,34 @@ def test_the_rotation_is_the_cross_product_of_boris():
     t, s = species.rotation
     v = np.array([0.3, -0.5, 0.7])
     np.testing.assert_allclose(v + turn(t, s) @ v, v + np.cross(v + np.cross(v, t), s), rtol=1e-14)
+
+
+@pytest.mark.parametrize("steps", [1.0, -0.5])
+@pytest.mark.parametrize("text, d", [(CASE, 2), (CASE.replace("[8.0, 4.0]", "8.0").replace("[16, 8]", "[16]"), 1)])
+@pytest.mark.parametrize("magnetic", [(0.0, 0.0, 30.0), (18.0, 0.0, 24.0), (-9.0, 12.0, 7.0), (3.0, 0.0, 0.0)])
+def test_an_exact_phase_drifts_by_e_over_b_and_falls_along_b_as_without_a_field(magnetic, text, d, steps):
+    """The electric impulse and one's own acceleration alike, in a step and in the half step backwards of the start."""
+    electric = np.array([0.3, -0.2, 0.5])
+    sets = (f"field.magnetic={list(magnetic)}", f"field.electric={electric.tolist()}", "numerics.exact_phase=true")
+    scene = scene_of(*sets, text=text)
+    b = np.array(magnetic)
+    drift, along = np.cross(electric, b) / (b @ b), (electric @ b) * b / (b @ b)
+    side = np.array((*scene.spacing, scene.spacing[0], scene.spacing[0])[:3]) / scene.time_step
+    numbers, species = scene.mover(1.0, steps)[0], scene.species[0]
+    kind, before, e = rotation(scene.config), drift / side, electric.copy()
+    after = np.array(boris(*before, *e, numbers, d, kind)) * side
+    fallen = steps * scene.time_step * species.charge_to_mass * along
+    np.testing.assert_allclose(after - fallen, drift, rtol=0, atol=1e-13)
+    numbers[:4], numbers[10:13] = 0.0, 0.0  # the turn alone, after the same acceleration as one's own
+    own = (drift + species.before_turn(steps) @ electric * species.charge_to_mass * scene.time_step) / side
+    np.testing.assert_allclose(np.array(boris(*own, *e, numbers, d, kind)) * side - fallen, drift, rtol=0, atol=1e-13)
+
+
+def test_forces_across_b_add_up_to_nothing_only_where_impulses_are_multiplied_alike():
+    x, y, z = np.eye(3).tolist()
+    sets = ("field.magnetic=[0, 0, 6]", "numerics.exact_phase=true")
+    for more, kept in (((), [x, y, z]), (("species[1].mass=20",), [z])):  # |q/m| is 0.5 of both, or not
+        assert [law.along.tolist() for law in laws(scene_of(*sets, *more))] == kept
 
 
 def test_half_kick_turns_volts_per_metre_into_cells_per_step():
