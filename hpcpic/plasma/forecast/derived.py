@@ -13,7 +13,7 @@ from hpcpic.plasma.case.units import SYSTEMS, known_by_ratio
 from hpcpic.plasma.forecast.densest import at_densest, dense_frequency, densest
 from hpcpic.plasma.forecast.estimate import SERIES_SHARE, affordable_period, count_seconds, phases
 from hpcpic.plasma.forecast.field_equation import field_equation, field_strength, slowed_by_clouds
-from hpcpic.plasma.forecast.noise import MAX_START_NOISE, noise, start_noise, weighted
+from hpcpic.plasma.forecast.noise import MAX_START_NOISE, alike_per_cell, noise, start_noise, weighted
 from hpcpic.plasma.forecast.rates import DEFAULT
 from hpcpic.plasma.forecast.scales import (
     UNITS,
@@ -222,8 +222,7 @@ def shielding(config: PlasmaConfig, ratios: list[float], known: bool) -> Derived
 def heated(config: PlasmaConfig, shape: str, ratio: float, more: float = 1.0, finer: float = 1.0) -> float:
     """W(end)/W(0) - 1 by the measured rates, with `more` times the particles and a `finer` grid; nan where too few."""
     axes = field_axes(config)
-    particles = sum(species.particles * denser for species, denser in zip(config.species, densest(config)))
-    per_cell = more * particles / (math.prod(config.points) * finer**axes)
+    per_cell = more * alike_per_cell(config) / finer**axes
     time = dense_frequency(config) * abs(config.simulation.time_step) * config.simulation.cycles
     start = start_noise(config) / more if axes == 1 else 0.0
     if per_cell < MIN_PER_CELL or not start < MAX_START_NOISE:
@@ -238,6 +237,8 @@ def heating(config: PlasmaConfig, ratio: float) -> Derived:
     growth = heated(config, shape, ratio)
     if math.isnan(growth):
         source = f"cannot be foretold with fewer than {MIN_PER_CELL:g} particles per cell"
+        if sum(species.particles for species in config.species) >= MIN_PER_CELL * math.prod(config.points):
+            source += f" of one charge: these have the noise of {alike_per_cell(config):.2g}"
         if axes == 1 and start_noise(config) >= MAX_START_NOISE:
             source = f"cannot be foretold: the field of the random start has {start_noise(config):.2g} times the heat"
         return Derived("predicted heating", "dW/W", growth, source=source)

@@ -106,3 +106,15 @@ def start_noise(config: PlasmaConfig) -> float:
             charge = macro_charge(config, species)
             field += n * charge * charge * length / (24 * config.constants.vacuum_permittivity)
     return field / heat if heat else math.nan
+
+
+def alike_per_cell(config: PlasmaConfig) -> float:
+    """Particles per cell, all of one charge, that make the noise of those of the case in the same sum of |q|.
+
+    The field of random places has the energy of sum N q^2 (Birdsall & Langdon, chapter 12): (sum N |q|)^2 over it.
+    """
+    total = squares = 0.0
+    for species, denser in zip(config.species, densest(config)):
+        n, charge = (species.particles or 0) * denser, abs(macro_charge(config, species))
+        total, squares = total + n * charge, squares + n * charge * charge
+    return total / squares * total / math.prod(config.points) if squares else 0.0

@@ -126,6 +126,23 @@ def test_in_three_dimensions_heating_is_foretold_and_cured_by_rates_of_its_own()
             assert numbers([*sets, *cured])[0]["dW/W"].verdict == "ok"
 
 
+@pytest.mark.parametrize("ions, measured", [(20000, 0.0051), (5000, 0.0108), (4000, 0.0121), (2000, None)])
+def test_unequal_weights_heat_as_their_noise(ions, measured):
+    """20 000 electrons and ions 100 times as heavy, of a weight of their own, on 32 x 32 points until wp t = 201."""
+    text = f"""
+    simulation = {{ cycles = 1000; time_step = 0.2; space_length = [16.0, 16.0]; }};
+    grid = {{ points = [32, 32]; }};
+    species = (
+      {{ name = "e"; charge = -1.0; mass = 1.0; density = 1.0; particles = 20000; thermal_velocity = 0.5; }},
+      {{ name = "i"; charge = 1.0; mass = 100.0; density = 1.0; particles = {ions}; thermal_velocity = 0.05; }});
+    """
+    found = numbers(text=text)[0]["dW/W"]
+    if measured:
+        assert found.value == pytest.approx(measured, rel=0.2)
+    else:
+        assert math.isnan(found.value) and "of one charge: these have the noise of 7.1" in found.source
+
+
 def test_a_few_particles_have_no_heating_that_could_be_foretold():
     for particles in (1, 2048):
         number = numbers([f"species[0].particles={particles}", "species[0].thermal_velocity=0.1"])[0]["dW/W"]
