@@ -26,6 +26,7 @@ from hpcpic.core.space.domain import wrap
 from hpcpic.core.space.rng import normal_quantile, normals, uniforms
 from hpcpic.plasma.case.config import PlasmaConfig, Species, velocity_columns
 from hpcpic.plasma.physics.quiet_start import BASES, even_places, radical_inverse, strata
+from hpcpic.plasma.setup.thermal_spread import thermal_spread
 
 POSITION, VELOCITY = 1, 2  # streams of random numbers
 
@@ -284,7 +285,7 @@ class Arrays(Loader):
         if given is None:
             return super().populations(section, axis)
         own = given[:, axis] if axis < given.shape[1] and len(given) else np.zeros(1)
-        heat = spread(arrays(section.start).get("position"), own)
+        heat = thermal_spread(arrays(section.start).get("position"), own)
         return (Population(1.0, float(own.mean()), math.hypot(heat, section.thermal_velocity)),)
 
     def fastest(self, section: Species) -> Fastest:
@@ -293,22 +294,6 @@ class Arrays(Loader):
             return super().fastest(section)
         x, y, z = [*map(float, np.abs(given).max(axis=0)), 0.0, 0.0][:3]
         return Fastest((x, y, z), float(np.linalg.norm(given, axis=1).max()))
-
-
-def spread(x: NDArray | None, v: NDArray) -> float:
-    """Root of half the mean square of what velocities v[n] of neighbours differ by, with about four to a cell: what
-    waves make of it is no heat. Without their places x[n, d] the standard deviation.
-    """
-    if x is None or len(x) != len(v):
-        return float(v.std())
-    extent = np.ptp(x, axis=0)
-    wide = extent[extent > 0]
-    edge = float(np.prod(wide) * 4 / len(x)) ** (1 / max(1, len(wide)))
-    cells = ((x - x.min(axis=0)) // edge).astype(np.int64)
-    order = np.lexsort(cells.T)
-    beside = np.all(cells[order[1:]] == cells[order[:-1]], axis=1)
-    apart = np.diff(v[order])[beside]
-    return float(np.sqrt(np.mean(apart * apart) / 2)) if len(apart) else float(v.std())
 
 
 def beams(n: int, drift: float, spread: float) -> tuple[Population, ...]:

@@ -6,8 +6,8 @@ import pytest
 from hpcpic.core.case.config import loads
 from hpcpic.plasma.configure import configure
 from hpcpic.plasma.setup import loaders
-from hpcpic.plasma.setup.loaders import spread
 from hpcpic.plasma.setup.scene import Scene
+from hpcpic.plasma.setup.thermal_spread import thermal_spread
 
 CASE = """
 simulation = { cycles = 10; time_step = 0.1; space_length = [8.0]; };
@@ -54,8 +54,26 @@ def test_the_spread_of_given_velocities_is_that_of_neighbours(d):
     """A wave is no heat, and equal velocities have none; the standard deviation of 0.8 three times is 1e-16."""
     random = np.random.default_rng(1)
     x, v = random.random((4000, d)), random.normal(0.0, 1.0, 4000)
-    assert spread(x, v) == pytest.approx(1.0, rel=0.05)
+    assert thermal_spread(x, v) == pytest.approx(1.0, rel=0.05)
     wave = 5.0 * np.sin(2 * np.pi * x[:, 0])
-    assert spread(x, wave) < 0.2 * wave.std()
-    assert spread(x, np.full(4000, 0.8)) == 0.0 == spread(x[:1], v[:1])
-    assert spread(None, v) == v.std()
+    assert thermal_spread(x, wave) < 0.2 * wave.std()
+    assert thermal_spread(x, np.full(4000, 0.8)) == 0.0 == thermal_spread(x[:1], v[:1])
+    assert thermal_spread(None, v) == v.std()
+
+
+@pytest.mark.parametrize("places, velocities", [(64, 1024), (1024, 64), (16384, 16)])
+def test_the_spread_of_given_velocities_does_not_depend_on_their_order(places, velocities):
+    """At each place the same even set: a quiet start by hand, by places, by velocities and in any order."""
+    angle = 2 * np.pi * (np.arange(velocities) + 0.5) / velocities
+    x, v = (each.ravel() for each in np.meshgrid((np.arange(places) + 0.5) / places, np.cos(angle), indexing="ij"))
+    mixed = np.random.default_rng(1).permutation(len(v))
+    by_velocity = np.arange(len(v)).reshape(places, velocities).T.ravel()
+    for order in (np.arange(len(v)), by_velocity, mixed):
+        assert thermal_spread(x[order, None], v[order]) == pytest.approx(np.sqrt(0.5), rel=0.03)
+
+
+def test_a_cold_beam_whose_velocity_varies_has_no_spread_and_a_warm_one_its_own():
+    x = (np.arange(8192) + 0.5)[:, None] / 8192
+    wave, heat = np.sin(4 * np.pi * x[:, 0]), np.random.default_rng(1).normal(0.0, 0.1, 8192)
+    assert thermal_spread(x, 3.0 + wave) == 0.0
+    assert thermal_spread(x, 3.0 + wave + heat) == pytest.approx(0.1, rel=0.05)
