@@ -114,8 +114,9 @@ def scalable(config: PlasmaConfig) -> bool:
 def choices_of(config: PlasmaConfig) -> list[Choice]:
     numerics = config.numerics
     listed: list[tuple[str, tuple, str]] = [("exact_phase", (False, True), "dt")] if any(config.field.magnetic) else []
-    listed += [("gradient", ("difference", "spectral"), "dx"), ("precision", ("double", "single"), "")]
-    listed.append(("shape", tuple(SHAPES), "dx"))
+    if config.simulation.solver == "MFT":
+        listed.append(("gradient", ("difference", "spectral"), "dx"))
+    listed += [("precision", ("double", "single"), ""), ("shape", tuple(SHAPES), "dx")]
     found = []
     for name, values, acts_on in listed:
         here = getattr(numerics, name)

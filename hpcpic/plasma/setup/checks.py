@@ -77,7 +77,7 @@ def grid_faults(config: PlasmaConfig, d: int) -> Iterator[Fault]:
 
 
 def equation_faults(config: PlasmaConfig, d: int) -> Iterator[Fault]:
-    """Constants of an axis that is not there, and clouds without a Fourier space."""
+    """Constants of an axis that is not there; clouds and spectral gradients without a Fourier space."""
     equation = config.field.equation
     for name, usual in (("d", 1.0), ("e", 0.0)):
         if d == 1 and (value := getattr(equation, name)) != usual:
@@ -85,6 +85,9 @@ def equation_faults(config: PlasmaConfig, d: int) -> Iterator[Fault]:
     if config.numerics.cloud_radius and config.simulation.solver == "LU":
         text = f'needs the Fourier space of simulation.solver = "MFT" (got {config.numerics.cloud_radius:g} with "LU")'
         yield ("numerics", "cloud_radius"), text
+    if config.numerics.gradient == "spectral" and config.simulation.solver == "LU":
+        text = 'needs the Fourier space of simulation.solver = "MFT" (got "spectral" with "LU"), or gradient = "difference"'
+        yield ("numerics", "gradient"), text
 
 
 def field_faults(names: tuple[str, ...]) -> Iterator[Fault]:

@@ -50,6 +50,13 @@ def faults_of(text, sets=()):
     return caught.value.messages
 
 
+@pytest.mark.parametrize("key, given", [("gradient", '"spectral"'), ("cloud_radius", "0.5")])
+def test_what_needs_a_fourier_space_is_refused_with_lu(key, given):
+    (told,) = faults_of(CASE, [f"numerics.{key}={given}", 'simulation.solver="LU"'])
+    assert f"numerics.{key}: needs the Fourier space of simulation.solver = \"MFT\" (got {given} with \"LU\")" in told
+    read(sets=[f"numerics.{key}={given}"])
+
+
 def test_defaults_are_filled_in():
     config, tree = read()
     assert tree.warnings == []
