@@ -86,7 +86,7 @@ def equation_faults(config: PlasmaConfig, d: int) -> Iterator[Fault]:
         text = f'needs the Fourier space of simulation.solver = "MFT" (got {config.numerics.cloud_radius:g} with "LU")'
         yield ("numerics", "cloud_radius"), text
     if config.numerics.gradient == "spectral" and config.simulation.solver == "LU":
-        text = 'needs the Fourier space of simulation.solver = "MFT" (got "spectral" with "LU"), or gradient = "difference"'
+        text = 'needs the Fourier space of simulation.solver = "MFT" (got "spectral" with "LU")'
         yield ("numerics", "gradient"), text
 
 
