@@ -10,6 +10,7 @@ from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived, Verdict
 from hpcpic.plasma.case.config import MOST_POINTS, Equation, PlasmaConfig, velocity_components
 from hpcpic.plasma.case.units import SYSTEMS, known_by_ratio
+from hpcpic.plasma.forecast.cold_drift import cold_drift
 from hpcpic.plasma.forecast.densest import at_densest, dense_frequency, densest
 from hpcpic.plasma.forecast.estimate import SERIES_SHARE, affordable_period, count_seconds, phases
 from hpcpic.plasma.forecast.field_equation import field_equation, field_strength, slowed_by_clouds
@@ -57,6 +58,7 @@ def derived(config: PlasmaConfig, ranks: int = 1) -> list[Derived]:
         *stability(config),
         *field_equation(config),
         *resolution(config),
+        *cold_drift(config),
         *noise(config),
         *motion(config),
         *waves(config),
