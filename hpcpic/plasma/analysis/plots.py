@@ -37,9 +37,11 @@ from hpcpic.plasma.analysis.particle_plots import (
     steps_of_histograms,
     velocities,
 )
-from hpcpic.plasma.analysis.predictions import beams, compare_mode, config_of, predict
+from hpcpic.plasma.analysis.predictions import beams, compare_mode, config_of, predict, scaled
 from hpcpic.plasma.case.config import PlasmaConfig, mode_columns
+from hpcpic.plasma.forecast.scales import spacing
 from hpcpic.plasma.forecast.turning import fastest_turn
+from hpcpic.plasma.physics.poisson import operator_of, response
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -48,6 +50,7 @@ if TYPE_CHECKING:
 
 SIGNED, POSITIVE = "RdBu_r", "viridis"
 MOST_HARMONICS = 40  # that a spectrum can show apart
+WEAKLY_DAMPED = 0.6  # k lambda_D of waves that a spectrum shows
 
 
 def _fields(run: Run) -> Fields:
@@ -223,21 +226,34 @@ def spectrum(run: Run, step: int | None = None) -> Figure:
 
 def _branches(config: PlasmaConfig, waves: np.ndarray, high: float) -> tuple[list[float], list[float]]:
     """k along x and omega up to `high` of the waves of cold species that do not grow, or of one warm species: Landau's
-    root while damping is weak, Bernstein's across a magnetic field. None where the field is oblique or too weak to see.
+    root while damping is weak, Bernstein's across a magnetic field; by the field equation, and as seen from the box
+    where the species drifts. None where the field is oblique or too weak to see.
     """
-    species, (along, *across) = beams(config), config.field.magnetic
+    operator, still = operator_of(config), beams(config)
     found: list[tuple[float, float]] = []
+    if not still or operator.b:
+        return [], []
+    for k in waves.tolist():
+        factor, _ = response(operator, [k], spacing(config)[:1], spectral=False, cloud_radius=0.0)
+        if factor > 0:
+            found += [(k, abs(w)) for w in _frequencies(config, k, scaled(still, factor), high) if abs(w) <= high]
+    return [k for k, _ in found], [w for _, w in found]
+
+
+def _frequencies(config: PlasmaConfig, k: float, species: tuple[theory.Beam, ...], high: float) -> list[float]:
+    """omega in both directions of the waves of _branches at one k."""
+    (along, *across), first = config.field.magnetic, species[0]
     if any(across):
         wc = fastest_turn(config)
-        if len(species) == 1 and not along and not species[0].drift and high < MOST_HARMONICS * wc:
-            found = [(k, w) for k in waves for w in theory.bernstein(k, species[0], wc, high)]
-    elif all(b.thermal_velocity == 0.0 for b in species):
-        for k in waves:
-            found += [(k, abs(w.real)) for w in theory.cold_roots(k, species) if abs(w.imag) < 1e-6 * abs(w)]
-    elif len(species) == 1:
-        wp, debye = species[0].plasma_frequency, species[0].thermal_velocity / species[0].plasma_frequency
-        found = [(k, wp * theory.landau(k * debye).real) for k in waves if k * debye < 0.6]
-    return [k for k, _ in found], [w for _, w in found]
+        drawn = len(species) == 1 and not along and not first.drift and high < MOST_HARMONICS * wc
+        return theory.bernstein(k, first, wc, high) if drawn else []
+    if all(b.thermal_velocity == 0.0 for b in species):
+        return [w.real for w in theory.cold_roots(k, species) if abs(w.imag) < 1e-6 * abs(w)]
+    debye = first.thermal_velocity / first.plasma_frequency
+    if len(species) > 1 or k * debye >= WEAKLY_DAMPED:
+        return []
+    omega = first.plasma_frequency * theory.landau(k * debye).real
+    return [k * first.drift + omega] + ([k * first.drift - omega] if first.drift else [])
 
 
 def _along_x(run: Run, name: str, step: int) -> np.ndarray:

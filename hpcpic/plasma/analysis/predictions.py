@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from hpcpic.core.files.reader import Run
 
 
+OVER_NOISE = 3.0  # of the maxima of a wave that a rate of decay is taken from
 HEAVY = 0.03  # times the plasma frequency: that of ions which electrons leave at rest, to 5e-4 of their own
 
 
@@ -184,11 +185,18 @@ def _compare_damping(t: np.ndarray, amplitude: np.ndarray, law: Prediction) -> C
     times, heights = series_analysis.peaks(t, amplitude)
     if times.size < 4:
         raise series_analysis.NoFit("fewer than four maxima")
-    window = (t >= times[1]) & (t <= times[min(8, times.size - 1)])  # the first maximum has other roots in it
+    noise = series_analysis.noise_of(times, heights, law.omega.imag)
+    below = np.flatnonzero(heights < OVER_NOISE * noise)
+    last = min(8, (int(below[0]) if below.size else times.size) - 1)
+    if last < 3:
+        raise series_analysis.NoFit(f"it meets the noise after {last + 1} of the four maxima that a fit needs")
+    window = (t >= times[1]) & (t <= times[last])  # the first maximum has other roots in it
     wave = series_analysis.signed(amplitude)[window]
     fit = series_analysis.fit_oscillation(t[window], wave, frequency=law.omega.real, rate=law.omega.imag)
+    swung = noise / (heights[last] * (times[last] - times[1]))  # noise of the same frequency, of any phase
+    errors = math.hypot(fit.rate_error, swung), math.hypot(fit.frequency_error, swung)
     words = (
-        f"decay {-fit.rate:.4g} ± {fit.rate_error:.1g} 1/s, frequency {fit.frequency:.5g} rad/s\n"
+        f"decay {-fit.rate:.4g} ± {errors[0]:.1g} 1/s, frequency {fit.frequency:.5g} ± {errors[1]:.1g} rad/s\n"
         f"theory {-law.omega.imag:.4g} and {law.omega.real:.5g} ({law.law})"
     )
     return Compared(words, heights[1] * np.exp(law.omega_mesh.imag * (t - times[1])))

@@ -15,6 +15,9 @@ ROUND_OFF = 1e-14  # of a signal: what swings by less is noise of the arithmetic
 STEADY = 0.25  # of a growth rate: one that is known worse is none, as where a wave that has started swings on
 
 
+STILL = 0.3  # of a rate of decay: maxima that fall more slowly are noise
+
+
 class NoFit(ValueError):
     """The signal does not show what the fit looks for; the message says what is missing."""
 
@@ -222,6 +225,16 @@ def peaks(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     curve = low - 2.0 * mid + high
     shift = np.where(curve < 0, 0.5 * (low - high) / np.where(curve < 0, curve, 1.0), 0.0)
     return t[i] + shift * (t[1] - t[0]), np.exp(mid - 0.25 * (low - high) * shift)
+
+
+def noise_of(times: np.ndarray, heights: np.ndarray, rate: float) -> float:
+    """Height of the noise that is left in the end of a wave that decays at about `rate` in 1/s: the median of the
+    second half of the maxima, where these fall by STILL of that rate at most; 0 where the wave has not met it.
+    """
+    end, late = times[len(times) // 2 :], heights[len(times) // 2 :]
+    if len(end) < 4 or np.polyfit(end - end[0], np.log(late), 1)[0] < STILL * rate:
+        return 0.0
+    return float(np.median(late))
 
 
 def spectrum(field: np.ndarray, dt: float, dx: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

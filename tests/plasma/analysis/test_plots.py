@@ -177,6 +177,20 @@ def test_the_branches_of_a_spectrum_know_the_magnetic_field(magnetic, drawn, tmp
         assert len({int(w / 0.7) for w in omega}) > 2 and omega.min() > 0.7
 
 
+@pytest.mark.parametrize("thermal", [0.0, 0.3])
+def test_the_branches_of_a_spectrum_know_the_field_equation_and_the_drift(thermal, tmp_path):
+    """Screened over 1 m: wp^2 k^2/(k^2 + 1); a wave of species that drift by 1 m/s is seen at |k +- omega|."""
+    electrons = "{ particles = 64; charge = -1.0; mass = 1.0; plasma_frequency = 1.0; drift_velocity = [1.0];"
+    text = BARE.replace("POINTS", "8").replace("SPECIES", f"{electrons} thermal_velocity = {thermal}; }}")
+    (tmp_path / "case.conf").write_text(f"{text} field = {{ equation = {{ c = -1.0; }}; }};")
+    axes = PLOTS["spectrum"].make(open_run(make_run(tmp_path / "case.conf", tmp_path / "a")), None).axes[0]
+    k, omega = axes.collections[1].get_offsets().T
+    wp = k / np.sqrt(k * k + 1)
+    own = np.array([w * (theory.landau(thermal * kappa / w).real if thermal else 1.0) for w, kappa in zip(wp, k)])
+    off = np.minimum(np.abs(omega - np.abs(k - own)), np.abs(omega - (k + own)))
+    assert len(k) > 8 and len(k) > len(set(k)) and off.max() < 1e-5
+
+
 @pytest.mark.parametrize("points, numbers", [(8, (30, 0)), (8, (0,)), (1, (3,)), (8, (4,) * 9)])
 def test_scenes_without_charge_or_particles_or_mesh_have_figures_or_say_why_not(points, numbers, tmp_path):
     text = BARE.replace("POINTS", str(points)).replace("SPECIES", ", ".join(GAS.replace("N", str(n)) for n in numbers))
@@ -348,6 +362,22 @@ def test_a_mode_that_obeys_its_law_is_measured_as_such(name, mode):
     words = predictions.compare_mode(t, 1e-3 * wave * np.exp(law.omega.imag * t), law).words
     measured = float(re.search(r"(?:growth|decay|frequency) ([\d.]+)", words)[1])
     assert measured == pytest.approx(abs(law.omega.imag) or law.omega.real, rel=2e-3)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.02, 0.05, 0.3])
+def test_a_wave_is_fitted_until_it_meets_the_noise_and_told_with_its_errors(noise):
+    law = predictions.predict(case("landau-damping"), (1,))
+    for phase in (0.0, 1.0, 2.0, 3.0):
+        t = np.arange(0.0, 60.0, 0.05)
+        left = noise * np.sin(0.95 * law.omega.real * t + phase)
+        wave = np.cos(law.omega.real * t) * np.exp(law.omega.imag * t) + left
+        words = predictions.compare_mode(t, np.abs(wave), law).words
+        found = re.search(r"decay (\S+) ± (\S+) 1/s, frequency (\S+) ± (\S+) rad/s", words)
+        assert bool(found) == (noise < 0.1) and (found or "meets the noise after" in words)
+        if found:
+            decay, decay_error, frequency, frequency_error = map(float, found.groups())
+            assert abs(decay + law.omega.imag) < 2 * decay_error + 1e-3 * decay
+            assert abs(frequency - law.omega.real) < 2 * frequency_error + 1e-4 * frequency
 
 
 def test_a_mode_that_does_not_swing_gets_no_frequency():
