@@ -274,7 +274,8 @@ def test_a_disc_sinks_in_oil_as_fast_as_theory_where_particles_do_not_hold_it_ba
     speeds, told = [], []
     for numerics in ({"shifting": False}, {}, {"shifting": True, "gradient_correction": True}):
         case = sph.Case(
-            simulation={"dimensions": 2, "end_time": 1.2}, gravity=[0.0, -9.81], numerics={"spacing": 0.002, **numerics},
+            simulation={"dimensions": 2, "end_time": 1.2}, gravity=[0.0, -9.81],
+            numerics={"spacing": 0.002, **numerics},
             fluid=[{"shape": {"box": {"low": [0.0, 0.0], "high": [0.08, 0.16]}}, "kinematic_viscosity": 1e-3}],
             wall=[
                 {"name": "tank", "shape": {"box": {"low": [0.0, 0.0], "high": [0.08, 0.18], "open": ["y+"]}}},
