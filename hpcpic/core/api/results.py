@@ -72,7 +72,7 @@ class Run:
 
     @property
     def field_names(self) -> tuple[str, ...]:
-        return tuple(self._files.field_snapshots.names) if self._files.rundir.fields.exists() else ()
+        return tuple(self._files.field_snapshots.units) if self._files.rundir.fields.exists() else ()
 
     @property
     def species(self) -> tuple[str, ...]:
@@ -90,9 +90,11 @@ class Run:
         return self._files.particle_snapshots.times.tolist() if self._files.rundir.particles.exists() else []
 
     def fields(self, name: str, *, time: float | None = None, step: int | None = None) -> xarray.DataArray:
-        """A field at the snapshot nearest to a time, at a step, or at the last one, with the places of its points."""
+        """A field at the snapshot nearest to a time, at a step, or at the last one, of those that hold it; with the
+        places of its points.
+        """
         snapshots = self._files.field_snapshots
-        index = _index(snapshots, step, time)
+        index = _index(snapshots, step, time, name)
         attributes = self._attributes(snapshots, index) | {"units": snapshots.units.get(name, "")}
         return arrays.field(
             name, snapshots.read(name, index), snapshots.spacing, snapshots.first, attributes
@@ -113,7 +115,8 @@ class Run:
 
     def histogram(self, name: str) -> xarray.DataArray:
         """A histogram of the case as a density over `time` [s] and the middles of its bins; its integral over all axes
-        is the number of real particles in the bins. `beyond`: how many particles lay in none.
+        is the number of real particles in the bins. `beyond`: how many particles lay in none. Where a restart has
+        changed the bins, the rows since then.
         """
         return arrays.histogram(name, self._files.histogram(name))
 
@@ -199,12 +202,14 @@ def threads_of(given: int | None) -> int | None:
     return None if given is None else whole(given, "threads")
 
 
-def _index(snapshots: reader.Snapshots, step: int | None, time: float | None) -> int:
-    """Number of the snapshot at a step, nearest to a time, or the last one. Raises ConfigError and FileError."""
+def _index(snapshots: reader.Snapshots, step: int | None, time: float | None, name: str | None = None) -> int:
+    """Number of the snapshot at a step, nearest to a time, or the last one, of those that hold the array `name`. Raises
+    ConfigError and FileError.
+    """
     if step is not None and time is not None:
         raise ConfigError("say step=N or time=T, not both")
     step = None if step is None else whole(step, "step", 0)
-    return snapshots.index(step, None if time is None else finite(time, "time"))
+    return snapshots.index(step, None if time is None else finite(time, "time"), name)
 
 
 def _keep_nothing(given: Mapping[str, Any]) -> str:

@@ -43,7 +43,8 @@ def make_restart_command(app_loader: AppLoader) -> click.Command:
         """Go on from the newest good checkpoint in DIR, on any number of ranks and threads. A finished run stays as it
         is, unless it is to end later.
 
-        --set may change what does not belong to the state: the number of steps, outputs.
+        --set may change what does not belong to the state: the number of steps, outputs. Other fields or histograms go
+        on in fields-2.vtkhdf, histograms-2.h5, beside the earlier ones, and are read with them.
         """
         from hpcpic.core.cli.job import Flags, job
 

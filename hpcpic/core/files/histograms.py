@@ -3,12 +3,13 @@
 /step [rows] and /time [rows] s are those of all histograms; each is a group of its name: `counts` [rows, bins, ...] of
 the axes that its attribute `axes` lists, with `scale_factor`, the density of a count, in the unit `units`; `beyond`
 [rows], particles in no bin; and by the name of each axis the edges [bins + 1] of its bins. As in series.h5, `step`
-grows last and tells how many rows are valid.
+grows last and tells how many rows are valid. A restart that counts others, or in other bins, begins the next file
+(`rundir.part_of`).
 """
 
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,8 +19,8 @@ from numpy.typing import NDArray
 from hpcpic.core.errors import FileError
 from hpcpic.core.files import image
 from hpcpic.core.files.arrays import Counts
-from hpcpic.core.files.rundir import temporary
-from hpcpic.core.files.safe_hdf5 import open_checked
+from hpcpic.core.files.rundir import part_of, parts_of, temporary
+from hpcpic.core.files.safe_hdf5 import Checked, open_checked
 from hpcpic.core.files.series import CHUNK_ROWS, STEP, TIME, announce, extend
 from hpcpic.core.files.together import Alone, together
 
@@ -54,9 +55,10 @@ class HistogramsWriter:
             file[STEP].resize(int(np.count_nonzero(file[STEP][:] <= after)), axis=0)
 
         with together(world, f"cannot take up {path}"):
-            if world.rank == 0 and after is not None and path.exists():
-                image.settle(path)
-                image.change(path, keep)
+            if world.rank == 0 and after is not None:
+                for self.path in parts_of(path):
+                    image.settle(self.path)
+                    image.change(self.path, keep)
 
     def append(self, step: int, time: float, found: Mapping[str, Counts]) -> None:
         self._rows.append((step, time, found))
@@ -75,6 +77,9 @@ class HistogramsWriter:
 
     def _write(self, rows: list[tuple[int, float, Mapping[str, Counts]]]) -> None:
         first = rows[0][2]
+        if self.path.exists() and not _fits(self.path, first):
+            whole = self.path.with_name(FILE)
+            self.path = part_of(whole, len(parts_of(whole)) + 1)
         if not self.path.exists():
             made = temporary(self.path)
             made.unlink(missing_ok=True)
@@ -86,8 +91,6 @@ class HistogramsWriter:
             columns[f"{name}/beyond"] = np.array([found[name].beyond for *_, found in rows])
 
         def add(file: "h5py.File") -> None:
-            if any(not _fits(file, name, one) for name, one in first.items()):
-                raise FileError("its histograms are not those of this run; move it away")
             extend(file, columns)
 
         image.change(self.path, add)
@@ -111,11 +114,25 @@ def _lay_out(file: "h5py.File", first: Mapping[str, Counts]) -> dict[str, image.
     return {}
 
 
-def _fits(file: "h5py.File", name: str, one: Counts) -> bool:
-    """Whether the file has this histogram, with the same bins."""
-    return name in file and [*file[name]["counts"].attrs["axes"]] == [*one.edges] and all(
-        np.array_equal(file[name][axis][:], edges) for axis, edges in one.edges.items()
-    )
+def _fits(path: Path, found: Mapping[str, Counts]) -> bool:
+    """True if the file has these histograms and no others, with the same bins. Raises FileError."""
+    with open_checked(path) as file:
+        return _names(file) == {*found} and all(
+            _same_bins(_edges(file, name), one.edges) for name, one in found.items()
+        )
+
+
+def _names(file: Checked) -> set[str]:
+    return {*file.names()} - {STEP, TIME}
+
+
+def _edges(file: Checked, name: str) -> dict[str, NDArray[np.float64]]:
+    axes = file.attribute(f"{name}/counts", "axes")
+    return {axis: file.dataset(f"{name}/{axis}", np.float64, (None,))[:] for axis in axes}
+
+
+def _same_bins(one: Mapping[str, NDArray], other: Mapping[str, NDArray]) -> bool:
+    return [*one] == [*other] and all(np.array_equal(edges, other[axis]) for axis, edges in one.items())
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,20 +151,39 @@ class Histogram:
 
 
 def read_histogram(folder: Path, name: str) -> Histogram:
-    """A histogram of a run folder, up to the last complete row. Raises FileError."""
-    with open_checked(folder / FILE) as file:
-        if name not in (there := [one for one in file.names() if one not in (STEP, TIME)]):
-            raise FileError(f"{file.path}: no histogram {name}; there are {', '.join(there)}")
-        step = file.dataset(STEP, np.int64, (None,))[:]
-        rows = len(step)
-        axes = file.attribute(f"{name}/counts", "axes")
-        counts = file.dataset(f"{name}/counts", np.int64, (None,) * (1 + len(axes)))[:rows]
-        return Histogram(
-            step,
-            file.dataset(TIME, np.float64, (None,))[:rows],
-            counts * float(file.attribute(f"{name}/counts", "scale_factor")),
-            str(file.attribute(f"{name}/counts", "units")),
-            file.dataset(f"{name}/beyond", np.int64, (None,))[:rows],
-            {axis: file.dataset(f"{name}/{axis}", np.float64, (None,))[:] for axis in axes},
-            {axis: str(file.attribute(f"{name}/{axis}", "units")) for axis in axes},
-        )
+    """A histogram of a run folder, up to the last complete row: the rows in the bins that it was counted in last.
+    Raises FileError.
+    """
+    found: list[Histogram] = []
+    there: set[str] = set()
+    for path in parts_of(folder / FILE) or [folder / FILE]:
+        with open_checked(path) as file:
+            there |= _names(file)
+            if name in _names(file):
+                found.append(_read(file, name))
+    if not found:
+        raise FileError(f"{folder / FILE}: no histogram {name}; there are {', '.join(sorted(there))}")
+    found = [one for one in found if len(one.step)] or found[-1:]
+    same = [one for one in found if _same_bins(one.edges, found[-1].edges)]
+    return replace(
+        found[-1],
+        step=np.concatenate([one.step for one in same]),
+        time=np.concatenate([one.time for one in same]),
+        density=np.concatenate([one.density for one in same]),
+        beyond=np.concatenate([one.beyond for one in same]),
+    )
+
+
+def _read(file: Checked, name: str) -> Histogram:
+    step, edges = file.dataset(STEP, np.int64, (None,))[:], _edges(file, name)
+    rows = len(step)
+    counts = file.dataset(f"{name}/counts", np.int64, (None,) * (1 + len(edges)))[:rows]
+    return Histogram(
+        step,
+        file.dataset(TIME, np.float64, (None,))[:rows],
+        counts * float(file.attribute(f"{name}/counts", "scale_factor")),
+        str(file.attribute(f"{name}/counts", "units")),
+        file.dataset(f"{name}/beyond", np.int64, (None,))[:rows],
+        edges,
+        {axis: str(file.attribute(f"{name}/{axis}", "units")) for axis in edges},
+    )

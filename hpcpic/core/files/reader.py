@@ -8,6 +8,7 @@ run.field("rho", time=1.5), run.particles("electrons", step=100)["velocity"]
 import shlex
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from hpcpic.core.errors import FileError
 from hpcpic.core.files.arrays import PARTICLE_UNITS
 from hpcpic.core.files.histograms import Histogram, read_histogram
-from hpcpic.core.files.rundir import RunDir
+from hpcpic.core.files.rundir import RunDir, parts_of
 from hpcpic.core.files.safe_hdf5 import Checked, open_checked
 from hpcpic.core.files.series import Series, read_series
 
@@ -50,42 +51,79 @@ def _as_it_is(rundir: RunDir) -> dict[str, Any]:
     return facts | {"status": "killed", "reason": reason}
 
 
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """One file of snapshots, and the names of its arrays."""
+
+    path: Path
+    steps: NDArray[np.int64]
+    times: NDArray[np.float64]
+    names: tuple[str, ...]
+
+
 class Snapshots:
-    """The steps of one temporal VTKHDF file. `steps` and `times` [n]; of every array `units` and `time_offsets`, by how
-    many seconds it is of a later time than that of its step.
+    """The steps of a temporal VTKHDF file and of its further parts. `steps` and `times` [n]; `names` of the arrays of
+    the last one; of each array of any `units` and `time_offsets`, by how many seconds it is of a later time than its
+    step.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        with self._open() as file:
+        self.units: dict[str, str] = {}
+        self.time_offsets: dict[str, float] = {}
+        self._parts = [self._part(part) for part in parts_of(path) or [path]]
+        self.steps = np.concatenate([part.steps for part in self._parts])
+        self.times = np.concatenate([part.times for part in self._parts])
+        self._part_of = np.repeat(np.arange(len(self._parts)), [len(part.steps) for part in self._parts])
+        self.names = self.names_at(-1) if len(self.steps) else self._parts[-1].names
+
+    def _part(self, path: Path) -> _Part:
+        with open_checked(path) as file:
             count = int(file.attribute(f"{ROOT}/Steps", "NSteps"))
-            self.steps = file.dataset("step", np.int64, (None,))[:count]
-            self.times = file.dataset(f"{ROOT}/Steps/Values", np.float64, (None,))[:count]
-            self.names = file.names(f"{ROOT}/PointData")
-            self.units = {name: str(file.attribute(f"{ROOT}/PointData/{name}", "units")) for name in self.names}
-            self.time_offsets = {
-                name: float(file.attribute(f"{ROOT}/PointData/{name}", "time_offset", 0.0)) for name in self.names
-            }
+            steps = file.dataset("step", np.int64, (None,))[:count]
+            times = file.dataset(f"{ROOT}/Steps/Values", np.float64, (None,))[:count]
+            names = tuple(file.names(f"{ROOT}/PointData"))
+            for name in names:
+                self.units[name] = str(file.attribute(f"{ROOT}/PointData/{name}", "units"))
+                self.time_offsets[name] = float(file.attribute(f"{ROOT}/PointData/{name}", "time_offset", 0.0))
+            return _Part(path, steps, times, names)
 
     @contextmanager
-    def _open(self) -> Iterator[Checked]:
-        with open_checked(self.path) as file:
-            yield file
+    def _open(self, index: int) -> Iterator[tuple[Checked, int]]:
+        """The file that holds a snapshot, and the number of the snapshot in it."""
+        number = int(self._part_of[index])
+        with open_checked(self._parts[number].path) as file:
+            yield file, index - int(np.searchsorted(self._part_of, number))
 
-    def index(self, step: int | None = None, time: float | None = None) -> int:
-        """Number of the snapshot at `step`, or nearest to `time`; the last one when neither is asked for."""
+    def names_at(self, index: int) -> tuple[str, ...]:
+        """The arrays of a snapshot: a restart may have written others from its step on."""
+        return self._parts[int(self._part_of[index])].names
+
+    def index(self, step: int | None = None, time: float | None = None, name: str | None = None) -> int:
+        """Number of the snapshot at `step`, or nearest to `time`; the last one when neither is asked for. name: of an
+        array, so that only snapshots count that hold it. Raises FileError.
+        """
         if not len(self.steps):
             raise FileError(f"{self.path}: holds no step yet")
+        if name is not None:
+            self._require(name)
+        holds = np.array([name is None or name in part.names for part in self._parts])[self._part_of]
         if step is not None:
-            found = np.flatnonzero(self.steps == step)
-            if not len(found):
-                raise FileError(f"{self.path}: no step {step}; there are {_listed(self.steps)}")
-            return int(found[-1])
-        return int(np.argmin(np.abs(self.times - time))) if time is not None else len(self.steps) - 1
+            holds &= self.steps == step
+        found = np.flatnonzero(holds)
+        if not len(found):
+            there = self.steps if name is None else self.steps_of(name)
+            asked = f"{name} at step {step}" if len(there) < len(self.steps) else f"step {step}"
+            raise FileError(f"{self.path}: no {asked}; there are {_listed(there) or 'none'}")
+        return int(found[np.argmin(np.abs(self.times[found] - time))] if time is not None else found[-1])
+
+    def steps_of(self, name: str) -> NDArray[np.int64]:
+        """The steps of the snapshots that hold an array."""
+        return self.steps[[name in self.names_at(k) for k in range(len(self.steps))]]
 
     def _require(self, name: str) -> None:
-        if name not in self.names:
-            raise FileError(f"{self.path}: no array {name}; there are {', '.join(self.names)}")
+        if name not in self.units:
+            raise FileError(f"{self.path}: no array {name}; there are {', '.join(self.units)}")
 
 
 class Fields(Snapshots):
@@ -96,7 +134,7 @@ class Fields(Snapshots):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        with self._open() as file:
+        with open_checked(path) as file:
             extent = np.asarray(file.attribute(ROOT, "WholeExtent"))
             points = [int(n) for n in (extent[1::2] - extent[::2] + 1)[::-1]]
             spacing = [float(d) for d in np.asarray(file.attribute(ROOT, "Spacing"))[::-1]]
@@ -111,11 +149,11 @@ class Fields(Snapshots):
     def read(self, name: str, index: int) -> NDArray:
         """values[rows, ...] of a snapshot; axes with one point are left out. A vector has the components of the run."""
         self._require(name)
-        with self._open() as file:
+        with self._open(index) as (file, own):
             vector = len(file.file[ROOT]["PointData"][name].shape) - 1 - len(self.points)
             values = file.dataset(f"{ROOT}/PointData/{name}", None, (None, *self.points, *(None,) * vector))
             offsets = file.dataset(f"{ROOT}/Steps/PointDataOffsets/{name}", np.int64, (None,))
-            return _of_the_run(file, name, values[int(offsets[index])])
+            return _of_the_run(file, name, values[int(offsets[own])])
 
 
 class Particles(Snapshots):
@@ -123,7 +161,7 @@ class Particles(Snapshots):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        with self._open() as file:
+        with open_checked(path) as file:
             number = f"{ROOT}/PointData/species"
             self.species = [name for name in file.attribute(number, "names") if name]
             known = {name: file.attribute(number, name, ()) for name in PARTICLE_UNITS}
@@ -134,8 +172,8 @@ class Particles(Snapshots):
 
     def positions(self, species: Collection[str], index: int) -> NDArray:
         """position[n, 3] of these species together, in no order: where all else is not asked for it is not read."""
-        with self._open() as file:
-            rows, number = _part(file, index)
+        with self._open(index) as (file, own):
+            rows, number = _rows_of(file, own)
             wanted = [k for k, name in enumerate(self.species) if name in species]
             return _rows(file, f"{ROOT}/Points", rows)[np.isin(number, wanted)]
 
@@ -143,19 +181,19 @@ class Particles(Snapshots):
         """position[n, 3], id[n] and the other columns of one species, in the order of the ids."""
         if species not in self.species:
             raise FileError(f"{self.path}: no species {species}; there are {', '.join(self.species)}")
-        with self._open() as file:
-            rows, number = _part(file, index)
+        with self._open(index) as (file, place):
+            rows, number = _rows_of(file, place)
             ids = file.dataset(f"{ROOT}/PointData/id", np.int64, (None,))[rows]
             own = np.flatnonzero(number == self.species.index(species))
             own = own[np.argsort(ids[own], kind="stable")]
             result = {"id": ids[own], "position": _rows(file, f"{ROOT}/Points", rows)[own]}
-            for name in self.names:
+            for name in self.names_at(index):
                 if name not in ("id", "species"):
                     result[name] = _of_the_run(file, name, _rows(file, f"{ROOT}/PointData/{name}", rows)[own])
             return result
 
 
-def _part(file: Checked, index: int) -> tuple[slice, NDArray]:
+def _rows_of(file: Checked, index: int) -> tuple[slice, NDArray]:
     """The rows of a snapshot of particles, and the number of the species of each."""
     first = int(file.dataset(f"{ROOT}/Steps/PointOffsets", np.int64, (None,))[index])
     rows = slice(first, first + int(file.dataset(f"{ROOT}/NumberOfPoints", np.int64, (None,))[index]))
@@ -228,15 +266,15 @@ class Run:
 
     def field(self, name: str, step: int | None = None, time: float | None = None) -> NDArray:
         """One field at a step, at the snapshot nearest to a time, or at the last one."""
-        return self.field_snapshots.read(name, self.field_snapshots.index(step, time))
+        return self.field_snapshots.read(name, self.field_snapshots.index(step, time, name))
 
     def fields(self, names: Iterable[str] | None = None, steps: Iterable[int] | None = None) -> dict[str, NDArray]:
-        """name -> values[snapshots, rows, ...]; all names and all steps by default."""
+        """name -> values[snapshots, rows, ...]; all names, and all steps that hold each, by default."""
         snapshots = self.field_snapshots
-        asked = snapshots.steps.tolist() if steps is None else list(steps)
+        asked = None if steps is None else list(steps)
         return {
-            name: np.array([self.field(name, step) for step in asked])
-            for name in (snapshots.names if names is None else names)
+            name: np.array([self.field(name, step) for step in asked or snapshots.steps_of(name).tolist()])
+            for name in (snapshots.units if names is None else names)
         }
 
     def particles(self, species: str, step: int | None = None, time: float | None = None) -> dict[str, NDArray]:

@@ -2,7 +2,8 @@
 particles.vtkhdf (PolyData).
 
 All ranks write their part of a step at its place (core.files.image); `NSteps`, which is what readers look at,
-changes last, so a file is readable at any moment. Values are stored in the type they have. Vectors have three
+changes last, so a file is readable at any moment. A restart that writes other arrays leaves the file as it is, and
+begins the next one (`rundir.part_of`). Values are stored in the type they have. Vectors have three
 components, without which VTK takes them for no vectors; the attribute `components` tells how many the run has. What is
 flat lies at z = 0. `/step` holds the step numbers beside the times in `/VTKHDF/Steps/Values`.
 https://docs.vtk.org/en/latest/vtk_file_formats/vtkhdf_file_format
@@ -23,7 +24,8 @@ from hpcpic.core.errors import FileError
 from hpcpic.core.files import image
 from hpcpic.core.files.arrays import PARTICLE_UNITS, FieldArray, ParticleArray, Shard, spatial
 from hpcpic.core.files.image import Slot
-from hpcpic.core.files.rundir import temporary
+from hpcpic.core.files.rundir import part_of, parts_of, temporary
+from hpcpic.core.files.safe_hdf5 import open_checked
 from hpcpic.core.files.together import Alone, together
 from hpcpic.core.space.domain import Domain
 
@@ -86,17 +88,21 @@ class _Temporal(ABC):
         Raises FileError on all ranks.
         """
         self.world = world
-        self.path = path
         self.time_share = time_share
         self.before = before
         self._waiting: list[_Snapshot] = []
         self._waiting_bytes = 0
         self._next_flush = 0.0  # by the clock of rank 0
-        self._exists = False
+        self._described: dict[str, Any] = {}  # what the steps so far of this writer hold
+        parts: list[Path] = []
         with together(world, f"cannot take up {path}"):
-            if world.rank == 0 and path.exists() and after is not None:
-                _take_up(path, after)
-        self._exists = world.any(world.rank == 0 and after is not None and path.exists())
+            if world.rank == 0 and after is not None:
+                parts = parts_of(path)
+                for part in parts:
+                    _take_up(part, after)
+        self._name, self._number = path.name, int(world.max(float(len(parts))))
+        self._exists = self._number > 0
+        self.path = part_of(path, max(1, self._number))
 
     def _append(self, new: _Snapshot) -> None:
         """Add a step, now or with later ones. Raises FileError on all ranks; the file is then as before."""
@@ -117,6 +123,7 @@ class _Temporal(ABC):
             return
         self.before()
         began = clock.monotonic()
+        self._begin_part(batch[0])
         shards = {f"{name} {k}": shard for k, new in enumerate(batch) for name, shard in new.shards.items()}
 
         def build(file: "h5py.File") -> dict[str, Slot]:
@@ -132,7 +139,6 @@ class _Temporal(ABC):
             return {}
 
         def grow(file: "h5py.File") -> dict[str, Slot]:
-            self._check_names(file, batch[0].shards, batch[0].attributes)
             n = int(file[ROOT]["Steps"].attrs["NSteps"])
             _put(file["step"], n, [new.step for new in batch])
             _put(file[ROOT]["Steps/Values"], n, [new.time for new in batch])
@@ -150,22 +156,19 @@ class _Temporal(ABC):
         now = clock.monotonic()
         self._next_flush = now + (now - began) / self.time_share
 
-    def _check_names(
-        self, file: "h5py.File", shards: Mapping[str, Shard], attributes: Mapping[str, Mapping[str, Any]]
-    ) -> None:
-        present = {f"PointData/{name}" for name in file[ROOT]["PointData"]}
-        asked = {name for name in shards if name.startswith("PointData/")}
-        for name in present ^ asked:
-            raise FileError(f"it has other arrays than this run writes ({name}); move it away")
-        for name, shard in shards.items():
-            there, here = file[ROOT][name], shard.local
-            if there.dtype != here.dtype:
-                raise FileError(f"{name} has type {there.dtype} there and {here.dtype} in this run")
-            if "components" in attributes.get(name, {}) and there.shape[-1] != here.shape[-1]:
-                raise FileError(
-                    f"{name} has {there.shape[-1]} components there, as older versions wrote, and "
-                    f"{here.shape[-1]} in this run; move it away"
-                )
+    def _begin_part(self, new: _Snapshot) -> None:
+        """Go on in the next file where the present one holds other arrays. Raises FileError on all ranks."""
+        described, self._described = self._described, new.described
+        if not self._exists or new.described == described:
+            return
+        other = False
+        with together(self.world, f"cannot append to {self.path}"):
+            if self.world.rank == 0:
+                with open_checked(self.path) as checked:
+                    other = not _fits(checked.file, new)
+        if self.world.any(other):
+            self._number, self._exists = self._number + 1, False
+            self.path = part_of(self.path.with_name(self._name), self._number)
 
     @abstractmethod
     def _build(self, root: Any, steps: Any, first: _Snapshot) -> None:
@@ -226,6 +229,16 @@ class FieldsWriter(_Temporal):
             slots |= {f"{name} {k}": slot for k, slot in enumerate(layers)}
         _put(root["Steps/Layer"], n, range(n, n + len(batch)))
         return slots
+
+
+def _fits(file: "h5py.File", new: _Snapshot) -> bool:
+    """True if the arrays of the file are those of the snapshot, of the same type, with as many components."""
+    asked = {name for name in new.shards if name.startswith("PointData/")}
+    return {f"PointData/{name}" for name in file[ROOT]["PointData"]} == asked and all(
+        file[ROOT][name].dtype == shard.local.dtype
+        and ("components" not in new.attributes.get(name, {}) or file[ROOT][name].shape[-1] == shard.local.shape[-1])
+        for name, shard in new.shards.items()
+    )
 
 
 def _used(points: tuple[int, ...]) -> tuple[int, ...]:

@@ -149,9 +149,10 @@ def _fields(a: Run, b: Run) -> Iterator[Difference | str]:
     if not (yield from _same_last("fields", a, b)):
         return
     step = a.field_snapshots.steps[-1]
-    yield from _common("field", a.field_snapshots.names, b.field_snapshots.names)
-    for name in a.field_snapshots.names:
-        if name in b.field_snapshots.names:
+    names = [run.field_snapshots.names_at(-1) for run in (a, b)]
+    yield from _common("field", *names)
+    for name in names[0]:
+        if name in names[1]:
             yield difference(f"field {name}, step {step}", a.field(name), b.field(name))
 
 

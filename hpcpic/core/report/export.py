@@ -68,7 +68,9 @@ def make_export_command(app_loader: AppLoader) -> click.Command:
 
 
 def _to_vtkhdf(run: Run, target: Path) -> int:
-    files = [path for path in (run.rundir.fields, run.rundir.particles) if path.exists()]
+    from hpcpic.core.files.rundir import parts_of
+
+    files = [*parts_of(run.rundir.fields), *parts_of(run.rundir.particles)]
     for path in files:
         shutil.copy2(path, target / path.name)
     return len(files)
@@ -103,7 +105,7 @@ def _field_columns(run: Run, step: int) -> dict[str, Column]:
     names = "xyz"[: len(axes)][::-1]  # storage is slab axis first
     columns: dict[str, Any] = {name: place.ravel() for name, place in zip(names, places)}
     columns = dict(sorted(columns.items()))
-    for name in snapshots.names:
+    for name in snapshots.names_at(snapshots.index(step)):
         values = _values(run, name, step)
         columns[name] = values.reshape(columns["x"].size, *values.shape[len(axes) :])
     return _flat(columns, snapshots.units | dict.fromkeys(names, "m"))
@@ -190,7 +192,8 @@ def _field_arrays(run: Run, step: int) -> dict[str, Any]:
     from hpcpic.core.files.arrays import FieldArray
 
     snapshots = run.field_snapshots
-    return {name: FieldArray(_values(run, name, step), snapshots.units[name]) for name in snapshots.names}
+    names = snapshots.names_at(snapshots.index(step))
+    return {name: FieldArray(_values(run, name, step), snapshots.units[name]) for name in names}
 
 
 def _particle_arrays(run: Run, step: int) -> dict[str, Any]:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from histogram_file import counted
 
+from hpcpic.core.files.arrays import Counts
 from hpcpic.core.files.histograms import FILE, HistogramsWriter, read_histogram
 from hpcpic.core.files.together import ALONE
 
@@ -32,3 +33,19 @@ def test_a_kill_leaves_complete_rows_and_a_file_that_goes_on(tmp_path: Path, mor
     found = read_histogram(tmp_path, "fv")
     assert found.step.tolist() == list(range(steps - 1)) == found.beyond.tolist()
     assert all(np.all(row == step) for step, row in enumerate(found.density))
+
+
+def test_other_bins_go_on_in_the_next_file_and_the_same_are_joined(tmp_path: Path) -> None:
+    path = tmp_path / FILE
+    other = {"gv": Counts(np.arange(4), 0, {"vx": np.arange(5.0)}, {"vx": "m/s"}, 1.0)}
+    for step, found in enumerate([counted(0), {**counted(1), **other}, other, counted(3)]):
+        writer = HistogramsWriter(ALONE, path, after=step - 1)
+        writer.append(step, 0.1 * step, found)
+        writer.flush()
+    fv, gv = read_histogram(tmp_path, "fv"), read_histogram(tmp_path, "gv")
+    assert fv.step.tolist() == [0, 1, 3] == fv.density[:, 0].tolist() and gv.step.tolist() == [1, 2]
+    few = {"fv": Counts(np.full(3, 4), 4, {"vx": np.arange(4.0)}, {"vx": "m/s"}, 1.0)}
+    writer = HistogramsWriter(ALONE, path, after=3)
+    writer.append(4, 0.4, few)
+    writer.flush()
+    assert read_histogram(tmp_path, "fv").density.tolist() == [[4.0] * 3]

@@ -265,21 +265,43 @@ def test_a_damaged_file_is_a_file_error_at_the_restart(tmp_path: Path) -> None:
             FieldsWriter(ALONE, path, after=10)
 
 
-def test_other_arrays_or_grids_are_refused_and_the_file_kept(tmp_path: Path) -> None:
+def test_other_arrays_go_on_in_the_next_file_and_are_read_as_one(tmp_path: Path) -> None:
     path = tmp_path / "fields.vtkhdf"
     write_fields(path, (6, 5), range(2))
     before = path.read_bytes()
-    rho = np.zeros((6, 5))
-    tries = [
-        ((6, 5), {"rho": rho}, "other arrays.*PointData/E"),
-        ((6, 5), {"rho": rho.astype(np.float32), "E": fields((6, 5), 0)["E"]}, "float64 there and float32"),
-        ((7, 5), fields((7, 5), 0), r"a grid of \(6, 5\) points, this run has \(7, 5\)"),
-    ]
-    for points, arrays, why in tries:
-        writer = FieldsWriter(ALONE, path, after=100)
-        with pytest.raises(FileError, match=why):
-            writer.append(99, 9.9, domain(points), {name: FieldArray(values) for name, values in arrays.items()})
-        assert path.read_bytes() == before
+    rho, e = fields((6, 5), 7).values()
+    for step, arrays in [(20, {"rho": rho}), (30, {"rho": rho.astype(np.float32), "E": e}), (40, {"rho": rho})]:
+        writer = FieldsWriter(ALONE, path, after=step - 1)
+        writer.append(step, 0.01 * step, domain((6, 5)), {name: FieldArray(values) for name, values in arrays.items()})
+    assert path.read_bytes() == before
+    found = Fields(path)
+    assert found.steps.tolist() == [0, 10, 20, 30, 40] and found.names == ("rho",) and found.names_at(0) == ("E", "rho")
+    assert np.array_equal(found.read("rho", 1), fields((6, 5), 1)["rho"]) and np.array_equal(found.read("rho", 4), rho)
+    assert found.index(name="E") == 3 and found.index(time=0.19, name="E") == 1 and found.index(time=0.2) == 2
+    with pytest.raises(FileError, match=r"no E at step 40; there are 0, 10, 30"):
+        found.index(40, name="E")
+    write_fields(path, (6, 5), range(2, 3), after=10)  # from a checkpoint before the other arrays
+    assert Fields(path).steps.tolist() == [0, 10, 20]
+
+
+def test_other_columns_of_particles_go_on_in_the_next_file(tmp_path: Path) -> None:
+    path = tmp_path / "particles.vtkhdf"
+    write_particles(path, range(2))
+    bare = {name: ParticleArray(own.ids, own.position) for name, own in handed(particles(2)).items()}
+    ParticlesWriter(ALONE, path, after=10).append(20, 0.2, bare)
+    found = Particles(path)
+    assert found.steps.tolist() == [0, 10, 20]
+    assert set(found.read("ions", 2)) == {"id", "position"} and "velocity" in found.read("ions", 1)
+    assert len(found.positions(["ions", "electrons"], 2)) == sum(len(own.ids) for own in bare.values())
+
+
+def test_other_grids_are_refused_and_the_file_kept(tmp_path: Path) -> None:
+    path = tmp_path / "fields.vtkhdf"
+    write_fields(path, (6, 5), range(2))
+    before = path.read_bytes()
+    with pytest.raises(FileError, match=r"a grid of \(6, 5\) points, this run has \(7, 5\)"):
+        write_fields(path, (7, 5), range(9, 10), after=100)
+    assert path.read_bytes() == before
     species = handed(particles(0))
     species["ions"] = ParticleArray(np.arange(1), np.zeros((1, 3)))
     with pytest.raises(FileError, match="has the columns"):
