@@ -15,7 +15,7 @@ from hpcpic.core.api.numbers import whole, words
 from hpcpic.core.api.results import Run, ended, threads_of
 from hpcpic.core.api.simulation import Simulation
 from hpcpic.core.api.tables import Check, Forecast
-from hpcpic.core.api.texts import assignments, called, case_text, told_in_python
+from hpcpic.core.api.texts import assignments, called, case_text, settings_of, told_in_python
 from hpcpic.core.app.app import App
 from hpcpic.core.app.read import Case as ReadCase
 from hpcpic.core.app.read import read_case
@@ -155,7 +155,8 @@ class Case:
         replace: bool = False,
         force: bool = False,
     ) -> Run:
-        """Do what the verb `run` does, and open the folder that it made. Collective under mpirun.
+        """Do what the verb `run` does, and open the folder that it made. Collective under mpirun: every rank makes the
+        same case, with the same arrays.
 
         folder: by default that of the command line. threads, wall ("HH:MM:SS" or seconds) and checkpoint_every (500
         steps, "15m") mean what they mean there. quiet: print warnings only. replace: the run in the folder. force: run
@@ -165,7 +166,7 @@ class Case:
         from hpcpic.core.app import use
         from hpcpic.core.cli.job import Flags, job
         from hpcpic.core.cli.run import prepare_run, run_folder
-        from hpcpic.core.comm.meeting import meet
+        from hpcpic.core.comm.meeting import agree, meet
 
         def prepare(app: App, world: World) -> tuple[RunDir, Plan]:
             with self._file() as path:
@@ -178,6 +179,7 @@ class Case:
         told = use.keep_own()
         target = run_folder(self._read_case) if folder is None else os.fspath(folder)
         meet("run()")
+        agree({"folder": str(target), **settings_of(self.config)})
         with told_in_python():
             code = job(lambda: self._app, prepare, flags, raises=True)
         return ended(code, target, self._app)
@@ -198,7 +200,8 @@ class Case:
                 raise ConfigError([called(told, str(path), name) for told in error.messages]) from None
 
     def simulation(self, *, threads: int | None = None, force: bool = False) -> Simulation:
-        """The simulation in memory, at its initial state: use it in a `with`. Nothing is written. Collective.
+        """The simulation in memory, at its initial state: use it in a `with`. Nothing is written. Collective: every
+        rank makes the same case, with the same arrays.
 
         force: although `check` refuses, where the limit may be overridden. Raises ConfigError beyond the others."""
         threads = threads_of(threads)

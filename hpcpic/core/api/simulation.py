@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.api import arrays
 from hpcpic.core.api.numbers import finite, whole
+from hpcpic.core.api.texts import settings_of
 from hpcpic.core.app.app import App
 from hpcpic.core.errors import ConfigError, Diverged
 from hpcpic.core.run.signals import Reason, whole_steps
@@ -47,13 +48,14 @@ class Simulation:
     ) -> None:
         """checkpoints: the run whose newest one it goes on from, and its case."""
         from hpcpic.core import memory
-        from hpcpic.core.comm.meeting import meet
+        from hpcpic.core.comm.meeting import agree, meet
         from hpcpic.core.comm.world import World
         from hpcpic.core.run.guard import Guard
         from hpcpic.core.tasks.graph import Pool
         from hpcpic.core.timers import Timers
 
         meet("simulation()")
+        agree(settings_of(config))
         self.world = World.start()
         self.threads = threads or self.world.default_threads()
         make = app.load()

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from hpcpic.core.case.config import leaves, loads
+from hpcpic.core.case.dump import dump
 from hpcpic.core.case.texts import value_text
 from hpcpic.core.errors import ConfigError
 
@@ -61,6 +63,18 @@ def setting_text(value: Any, key: str, keep: Keep) -> str:
             return "( " + ", ".join(setting_text(inner, f"{key}[{i}]", keep) for i, inner in enumerate(value)) + " )"
         return value_text([_plain(inner, f"{key}[{i}]") for i, inner in enumerate(value)])
     return value_text(_plain(value, key))
+
+
+def settings_of(config: Any) -> dict[str, str]:
+    """key -> value of all settings of a case. A file that is known by its content is that content, under the key of its
+    group: the arrays of each rank lie in a file of its own.
+    """
+    values = {key: value_text(value) for key, value in leaves(loads(dump(config)).data)}
+    for key in [key for key in values if key.endswith(".sha256")]:
+        group = key.removesuffix(".sha256")
+        del values[f"{group}.file"]
+        values[group] = f"content {values.pop(key)[1:13]}"
+    return values
 
 
 def _holds_arrays(key: str) -> bool:

@@ -1,7 +1,10 @@
 """Calls that all ranks of a program must make: who makes another one is told, who waits long says so."""
 
+import hashlib
+import json
 import sys
 import time
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -38,3 +41,23 @@ def meet(call: str) -> None:
         calls = [row.tobytes().decode(errors="replace").rstrip() for row in found]
         made = {name: f"rank {calls.index(name)} calls {name}" for name in calls}
         raise ConfigError(f"collective calls are made by all ranks, in one order: {', '.join(made.values())}")
+
+
+def agree(settings: Mapping[str, str]) -> None:
+    """Wait until all ranks are here, with the same settings. ConfigError on all ranks that names the keys where not."""
+    from mpi4py import MPI
+
+    comm = MPI.COMM_WORLD
+    if comm.Get_size() == 1:
+        return
+    digest = hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).digest()
+    if len(set(comm.allgather(digest))) == 1:
+        return
+    found = comm.allgather(dict(settings))
+    told = ["the ranks have different cases; every rank makes the same one, with the same arrays:"]
+    for key in dict.fromkeys(key for one in found for key in one):
+        values = [one.get(key, "not set") for one in found]
+        other = next((rank for rank, value in enumerate(values) if value != values[0]), 0)
+        if other:
+            told.append(f"  {key}: {values[0]} on rank 0, {values[other]} on rank {other}")
+    raise ConfigError(told)

@@ -271,11 +271,12 @@ class Run:
     def fields(self, names: Iterable[str] | None = None, steps: Iterable[int] | None = None) -> dict[str, NDArray]:
         """name -> values[snapshots, rows, ...]; all names, and all steps that hold each, by default."""
         snapshots = self.field_snapshots
-        asked = None if steps is None else list(steps)
-        return {
-            name: np.array([self.field(name, step) for step in asked or snapshots.steps_of(name).tolist()])
+        those = None if steps is None else list(steps)
+        asked = {
+            name: snapshots.steps_of(name).tolist() if those is None else those
             for name in (snapshots.units if names is None else names)
         }
+        return {name: np.array([self.field(name, step) for step in at]) for name, at in asked.items()}
 
     def particles(self, species: str, step: int | None = None, time: float | None = None) -> dict[str, NDArray]:
         """Columns of one species, in the order of the ids."""
