@@ -284,10 +284,12 @@ def fields(run: Run, step: int | None = None) -> Figure:
 def _fields_1d(run: Run, snapshots: Fields, number: int) -> Figure:
     length = snapshots.points[0] * snapshots.spacing[0]
     x = np.arange(snapshots.points[0]) * snapshots.spacing[0]
-    known = [name for name in ("rho", "phi", "E") if name in snapshots.names]
-    names = [*(name for name in snapshots.names if name not in known), *known]
-    several = len(snapshots.steps) > 3
+    there = snapshots.names_at(number)
+    known = [name for name in ("rho", "phi", "E") if name in there]
+    names = [*(name for name in there if name not in known), *known]
     shown = names[-1]
+    held = [shown in snapshots.names_at(k) for k in range(len(snapshots.steps))]
+    several = sum(held) > 3
     with style():
         height = 1.25 * len(names) + (2.8 if several else 0.6)
         ratios = ([2.4] if several else []) + [1.0] * len(names)
@@ -295,9 +297,9 @@ def _fields_1d(run: Run, snapshots: Fields, number: int) -> Figure:
         rows = list(axes[:, 0])
         if several:
             top = rows.pop(0)
-            history = np.array([_along_x(run, shown, int(s)) for s in snapshots.steps])
+            history = np.array([_along_x(run, shown, int(s)) for s in snapshots.steps[held]])
             limit = float(np.abs(history).max()) or 1.0
-            mesh = top.pcolormesh(x, snapshots.times, history, cmap=SIGNED, vmin=-limit, vmax=limit, rasterized=True)
+            mesh = top.pcolormesh(x, snapshots.times[held], history, cmap=SIGNED, vmin=-limit, vmax=limit, rasterized=True)
             top.axhline(snapshots.times[number], color=INK, linewidth=0.8)
             top.grid(visible=False)
             figure.colorbar(mesh, ax=top, label=axis_label(shown, snapshots.units[shown]), pad=0.02)
@@ -325,11 +327,11 @@ def _fields_in_plane(run: Run, snapshots: Fields, number: int) -> Figure:
     *_, ly, lx = (n * d for n, d in zip(snapshots.points, snapshots.spacing))
     *third, vertical, horizontal = _axes(snapshots)
     at, middle = int(snapshots.steps[number]), snapshots.points[0] // 2
-    there = [name for name in ("rho", "phi") if name in snapshots.names]
+    there = [name for name in ("rho", "phi") if name in snapshots.names_at(number)]
     panels: list[tuple[str, Any, Any]] = [(name, run.field(name, at), SIGNED) for name in there]
     panels = [("rho - mean", v - v.mean(), c) if name == "rho" else (name, v, c) for name, v, c in panels]
     panels = [(name, v[middle] if third else v, c) for name, v, c in panels]
-    for name in snapshots.names:
+    for name in snapshots.names_at(number):
         if name not in ("rho", "phi"):
             values = run.field(name, at)
             values = values[middle] if third else values

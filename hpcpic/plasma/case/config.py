@@ -9,6 +9,7 @@ import itertools
 import math
 from typing import Annotated, ClassVar, Literal
 
+from numpy.typing import NDArray
 from pydantic import BeforeValidator
 
 from hpcpic.core.case.accelerations import MEANING
@@ -32,6 +33,7 @@ from hpcpic.plasma.case import units
 from hpcpic.plasma.case.older_words import drift_warnings, modernised
 
 Names = Annotated[tuple[str, ...], BeforeValidator(as_tuple)]
+BEFORE = "velocity_before"  # the array of `start` with velocities of half a step before
 MOST_PARTICLES = 2**32  # of a species: their numbers have 32 bits
 EITHER: dict[str, tuple[tuple[tuple[str, ...], ...], ...]] = {  # words of a group that say one thing
     "grid": ((("points",), ("blocks", "blocksize")),),
@@ -148,8 +150,8 @@ class Species(Section):
     init_method: str = setting(
         "random",
         "random: random positions, drift plus thermal velocities; quiet: the same evenly; strata: as beams of equal "
-        "weight, each evenly over the box; arrays: those of `start` (position and velocity, each as random where it is "
-        "not there); default, random position: "
+        "weight, each evenly over the box; arrays: those of `start` (position, and velocity or velocity_before, that "
+        "of half a step before, each as random where it is not there); default, random position: "
         "the thesis author's words for opposite beams and, without a thermal velocity, uniform velocities",
     )
     places: int | None = setting(
@@ -369,9 +371,22 @@ def mode_columns(mode: tuple[int, ...]) -> tuple[str, str]:
     return f"{name}_re", f"{name}_im"
 
 
+def given_velocity(species: Species) -> NDArray | None:
+    """The velocities that a species starts with as an array, at the start or half a step before; None where there are
+    none.
+    """
+    given = arrays(species.start) if species.start else {}
+    return given.get("velocity", given.get(BEFORE))
+
+
+def starts_before(species: Species) -> bool:
+    """True if the velocities that a species starts with are those of half a step before, where the mover has them."""
+    return species.start is not None and BEFORE in arrays(species.start)
+
+
 def velocity_columns(species: Species) -> int:
     """Components of the velocities that a species starts with as an array; 0 where there is none."""
-    velocity = arrays(species.start).get("velocity") if species.start else None
+    velocity = given_velocity(species)
     return velocity.shape[1] if velocity is not None and velocity.ndim == 2 else 0
 
 

@@ -24,7 +24,7 @@ from hpcpic.core.files.start import arrays, start_faults
 from hpcpic.core.simd.own import note
 from hpcpic.core.space.domain import wrap
 from hpcpic.core.space.rng import normal_quantile, normals, uniforms
-from hpcpic.plasma.case.config import PlasmaConfig, Species, velocity_columns
+from hpcpic.plasma.case.config import BEFORE, PlasmaConfig, Species, given_velocity, velocity_columns
 from hpcpic.plasma.physics.quiet_start import BASES, even_places, radical_inverse, strata
 from hpcpic.plasma.setup.thermal_spread import thermal_spread
 
@@ -245,7 +245,9 @@ class HarmonicTwoElectrons(Loader):
 
 
 class Arrays(Loader):
-    """The positions[n, d] and velocities[n, v] of arrays; random ones in the place of an array that there is not.
+    """The positions[n, d] and velocities[n, v] of arrays; random ones in the place of an array that there is not. The
+    array `velocity_before` holds velocities of half a step before the positions, with which a simulation goes on as
+    the one that they are read from.
 
     Positions may be [n, 3], as they are read: 0 along axes that the box does not have.
     """
@@ -261,7 +263,7 @@ class Arrays(Loader):
         return np.stack([wrap(x[:, i], length) for i, length in enumerate(batch.lengths)], axis=1)
 
     def mean_velocities(self, batch: Batch) -> NDArray[np.float64]:
-        given = arrays(batch.section.start).get("velocity")
+        given = given_velocity(batch.section)
         if given is None:
             return super().mean_velocities(batch)
         velocity = np.zeros((len(batch.ids), batch.components))
@@ -276,12 +278,15 @@ class Arrays(Loader):
         given = arrays(section.start).get("position", np.zeros((0, dimensions)))
         whole = given.ndim == 2 and given.shape[1] == 3
         shapes = {"position": (None, 3 if whole else dimensions), "velocity": (None, components)}
+        shapes[BEFORE] = shapes["velocity"]
+        if {"velocity", BEFORE} <= arrays(section.start).keys():
+            yield ("start", "file"), f"holds velocity, of the start, and {BEFORE}, of half a step before: one of them"
         yield from ((("start", *path), text) for path, text in start_faults(section.start, shapes, section.particles))
         if whole and given.dtype.kind in "fiu" and given[:, dimensions:].any():
             yield ("start", "file"), f"position must be 0 along axes that the box of {dimensions}D does not have"
 
     def populations(self, section: Species, axis: int) -> tuple[Population, ...]:
-        given = arrays(section.start).get("velocity")
+        given = given_velocity(section)
         if given is None:
             return super().populations(section, axis)
         own = given[:, axis] if axis < given.shape[1] and len(given) else np.zeros(1)
@@ -289,7 +294,7 @@ class Arrays(Loader):
         return (Population(1.0, float(own.mean()), math.hypot(heat, section.thermal_velocity)),)
 
     def fastest(self, section: Species) -> Fastest:
-        given = arrays(section.start).get("velocity")
+        given = given_velocity(section)
         if given is None or not len(given):
             return super().fastest(section)
         x, y, z = [*map(float, np.abs(given).max(axis=0)), 0.0, 0.0][:3]

@@ -55,12 +55,15 @@ class Scene:
     def mover(self, field_scale: float, steps: float = 1.0) -> NDArray[np.float64]:
         """mover[species, 16] of physics.boris for `steps` time steps; kernels gather E times field_scale.
 
-        steps = -1/2 rewinds: half the impulse, and half the angle that the mover turns in a step, backwards.
+        steps = -1/2 rewinds: half the impulse, and half the angle that the mover turns in a step, backwards; nothing
+        of a species whose velocities are those of half a step before already.
         """
         kind, rows = case.rotation(self.config), np.zeros((len(self.species), 16))
         side = np.array((*self.spacing, self.spacing[0], self.spacing[0])[:3])
         uniform = np.array(self.config.field.electric)
         for row, species in zip(rows, self.species):
+            if steps < 0 and case.starts_before(species.section):
+                continue
             impulse = np.zeros(3)
             impulse[: self.velocity_components] = species.half_kick * steps * (1 if kind else 2)
             across, axis = species.impulse_across(steps), species.axis * side
@@ -148,8 +151,10 @@ class SceneSpecies:
 
     def before_turn(self, steps: float) -> NDArray[np.float64]:
         """M[3, 3]: v + M a dt, turned by the mover for so many steps, has had half of a dt before the turn and half
-        after it, across B by as much more as the electric impulse.
+        after it, across B by as much more as the electric impulse; 0 where `mover` does nothing.
         """
+        if steps < 0 and case.starts_before(self.section):
+            return np.zeros((3, 3))
         halves = steps * (np.eye(3) + turn(*part_of_turn(self.rotation[0], steps)).T / 2)
         across, along = self.impulse_across(steps), np.outer(self.axis, self.axis)
         return across * halves + (1 - across) * steps * along

@@ -124,3 +124,57 @@ def test_an_empty_list_is_no_groups_and_no_numbers():
     assert (none.grains, none.gravity, none.boundary) == ((), (0.0, 0.0), ())
     with pytest.raises(hpcpic.ConfigError, match="space_length: needs at least 1 value"):
         hpcpic.Case("landau-damping").changed({"simulation.space_length": []})
+
+
+def handed_over(case, particles):
+    """The case from these particles on."""
+    arrays = {"position": particles["position"].values, "velocity_before": particles["velocity"].values}
+    return case.changed({"species[0].start": arrays})
+
+
+def gyrating(charge, **more):
+    rng = np.random.default_rng(0)
+    start = {"position": rng.random((200, 2)) * 16, "velocity": rng.normal(0, 1, (200, 2))}
+    return hpcpic.Case(
+        simulation={"cycles": 1000, "time_step": 0.3, "space_length": [16.0, 16.0]}, grid={"points": [16, 16]},
+        species=[{"name": "e", "charge": -charge, "mass": charge, "start": start}], **more
+    )  # fmt: skip
+
+
+def test_twenty_handovers_in_a_magnetic_field_keep_the_energy():
+    case = gyrating(1e-9, field={"magnetic": [0.0, 0.0, 1.0]})
+    with case.simulation(threads=1) as sim:
+        first = sim.scalars()["energy_kinetic"]
+    for _ in range(20):
+        with case.simulation(threads=1) as sim:
+            sim.advance(steps=2)
+            case = handed_over(case, sim.particles())
+            last = sim.scalars()["energy_kinetic"]
+    assert last == pytest.approx(first, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"field": {"magnetic": [0.0, 0.0, 1.0]}, "numerics": {"exact_phase": True}},
+        {"field": {"magnetic": [0.4, -0.3, 1.0], "electric": [0.1, 0.2, 0.0]}},
+        {},
+    ],
+)
+def test_a_simulation_goes_on_from_the_particles_of_another_to_rounding(more):
+    case = gyrating(0.1, **more)
+    with case.simulation(threads=1) as sim:
+        sim.advance(steps=3)
+        with handed_over(case, sim.particles()).simulation(threads=1) as other:
+            for steps in (0, 4):
+                sim.advance(steps=steps)
+                other.advance(steps=steps)
+                one, two = sim.particles(), other.particles()
+                assert np.allclose(one["velocity"], two["velocity"], rtol=0, atol=1e-10)
+                assert np.allclose(one["position"], two["position"], rtol=0, atol=1e-10)
+
+
+def test_velocities_are_of_the_start_or_of_half_a_step_before():
+    case, v = gyrating(0.1), np.zeros((200, 2))
+    with pytest.raises(hpcpic.ConfigError, match=r"start.*velocity_before, of half a step before: one of them"):
+        case.changed({"species[0].start": {"velocity": v, "velocity_before": v}})
