@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -20,12 +21,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """max and rms of a - b, and `relative`: max over the largest |a|. NaN where both are NaN is equal."""
+    """max and rms of a - b, and `relative`: max over the largest |a|, or over that of its kind. NaN where both are NaN
+    is equal.
+    """
 
     what: str
     max: float
     rms: float
     relative: float
+
+
+class Note(str):
+    """What is told of a comparison and is no difference."""
+
+    __slots__ = ()
 
 
 def make_compare_command(app_loader: AppLoader) -> click.Command:
@@ -37,12 +46,16 @@ def make_compare_command(app_loader: AppLoader) -> click.Command:
         type=click.FloatRange(0),
         default=1e-12,
         show_default=True,
-        help="Largest difference relative to the largest value.",
+        help="Largest difference relative to the largest value, of a column of the series to that of its kind.",
     )
     def compare(a: str, b: str, tol: float) -> None:
         """Config, series, last snapshots, timers and final state of two run folders.
 
         Exit code 3 when anything differs by more than --tol, or is in one of them only.
+
+        The largest value of a column of the series is that of all components, modes, slices and numbers of its kind
+        (momentum_x and momentum_y; mode_1_re and mode_2_im): one that is 0 by symmetry differs by rounding alone.
+        Series that were sampled at other times are compared at the times that they share, else b interpolated in time.
         """
         from hpcpic.core.files.reader import open_run
 
@@ -51,8 +64,11 @@ def make_compare_command(app_loader: AppLoader) -> click.Command:
         _print_configs(*runs)
         differences: list[Difference] = []
         missing: list[str] = []
+        notes: list[str] = []
         for found in (*_series(*runs), *_fields(*runs), *_particles(*runs)):
-            if isinstance(found, str):
+            if isinstance(found, Note):
+                notes.append(found)
+            elif isinstance(found, str):
                 missing.append(found)
             else:
                 differences.append(found)
@@ -61,7 +77,7 @@ def make_compare_command(app_loader: AppLoader) -> click.Command:
         digests = [run.summary.get("state_digest") for run in runs]
         same = None not in digests and digests[0] == digests[1]
         click.echo(f"final state: {'the same bits' if same else _not_same(runs)}")
-        for text in missing:
+        for text in (*notes, *missing):
             click.echo(text)
         beyond = [d.what for d in differences if _verdict(d, tol) == "fail"]
         if beyond or missing or not (differences or same):
@@ -93,8 +109,10 @@ def _verdict(difference: Difference, tolerance: float) -> str:
     return "ok" if difference.relative <= tolerance else "fail"
 
 
-def difference(what: str, a: NDArray, b: NDArray) -> Difference | str:
-    """The difference of two arrays, or a sentence when their shapes differ."""
+def difference(what: str, a: NDArray, b: NDArray, scale: float = 0.0) -> Difference | str:
+    """The difference of two arrays, relative to the largest |a| or to the scale where that is larger; a sentence when
+    their shapes differ.
+    """
     import numpy as np
 
     if a.shape != b.shape:
@@ -103,12 +121,23 @@ def difference(what: str, a: NDArray, b: NDArray) -> Difference | str:
         return Difference(what, 0.0, 0.0, 0.0)
     a, b = a.astype(np.float64), b.astype(np.float64)
     apart = np.where(np.isnan(a) & np.isnan(b), 0.0, np.abs(a - b))
-    largest = float(np.nanmax(np.abs(a))) if np.isfinite(a).any() else 0.0
+    largest = max(_largest(a), scale)
     most = float(apart.max())
     relative = 0.0 if most == 0 else most / largest if largest else float("inf")
     return Difference(
         what, most, float(np.sqrt(np.mean(apart**2))), relative if relative == relative else float("inf")
     )
+
+
+def _largest(a: NDArray) -> float:
+    import numpy as np
+
+    return float(np.nanmax(np.abs(a))) if np.isfinite(a).any() else 0.0
+
+
+def kind_of(column: str) -> str:
+    """The column without what numbers its components, modes and slices: mode_2_1_re is a mode."""
+    return re.sub(r"(_(\d+|[xyz]|re|im))+$", "", column)
 
 
 def _series(a: Run, b: Run) -> Iterator[Difference | str]:
@@ -124,20 +153,55 @@ def _series(a: Run, b: Run) -> Iterator[Difference | str]:
         yield "series: no row in either run, so nothing to compare"
         return
     same = first.step.tolist() == second.step.tolist()
+    if not len(first.time) or not len(second.time):
+        yield f"series: sampled at different times ({len(first.step)} and {len(second.step)} rows)"
+        return
+    rows, taken = np.arange(len(first.step)), dict(second)
     if not same:
-        rows = f"{len(first.step)} and {len(second.step)} rows"
-        yield f"series: sampled at different times ({rows}), b interpolated in time"
-    if not len(second.time):
-        return
-    rows = (first.time >= second.time[0]) & (first.time <= second.time[-1])
-    if not rows.any():
-        yield "series: no time in common"
-        return
+        rows, others = _shared(first.time, second.time)
+        found = f"compared at {len(rows)} that both have"
+        taken = {name: values[others] for name, values in second.items()}
+        if not len(rows):
+            rows = np.flatnonzero((first.time >= second.time[0]) & (first.time <= second.time[-1]))
+            found = "b interpolated in time"
+            taken = {name: np.interp(first.time[rows], second.time, values) for name, values in second.items()}
+        if not len(rows):
+            yield "series: no time in common"
+            return
+        told = f"series: sampled at different times ({len(first.step)} and {len(second.step)} rows), {found}"
+        yield Note(told) if _as_long(first.time, second.time) else told
     yield from _common("series", first.keys(), second.keys())
-    for name in first:
-        if name in second:
-            other = second[name] if same else np.interp(first.time[rows], second.time, second[name])
-            yield difference(f"series {name}", first[name] if same else first[name][rows], other)
+    kinds = {name: (kind_of(name), first.units.get(name)) for name in first}
+    scales: dict[Any, float] = {}
+    for name, kind in kinds.items():
+        scales[kind] = max(scales.get(kind, 0.0), _largest(first[name][rows]))
+    for name, kind in kinds.items():
+        if name in taken:
+            yield difference(f"series {name}", first[name][rows], taken[name], scales[kind])
+
+
+def _shared(a: NDArray, b: NDArray) -> tuple[NDArray, NDArray]:
+    """The rows at times that both have, to rounding, where these are all of one of them as long as both go on; else
+    none.
+    """
+    import numpy as np
+
+    near = 1e-9 * max(float(np.ptp(a)), float(np.ptp(b)))
+    after = np.clip(np.searchsorted(b, a), 1, max(1, len(b) - 1))
+    nearest = np.where(np.abs(a - b[after - 1]) <= np.abs(a - b[after % len(b)]), after - 1, after % len(b))
+    rows = np.flatnonzero(np.abs(a - b[nearest]) <= near)
+    end = min(a[-1], b[-1]) + near
+    if len(rows) < min((a <= end).sum(), (b <= end).sum()):
+        rows = rows[:0]
+    return rows, nearest[rows]
+
+
+def _as_long(a: NDArray, b: NDArray) -> bool:
+    """True if two series begin and end together, as far as their samples tell: apart by less than those lie apart."""
+    import numpy as np
+
+    apart = max(float(np.diff(times).max(initial=0.0)) for times in (a, b))
+    return all(abs(one - other) < (1 - 1e-6) * apart for one, other in ((a[0], b[0]), (a[-1], b[-1])))
 
 
 def _common(kind: str, a: Any, b: Any) -> Iterator[str]:

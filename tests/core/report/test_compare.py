@@ -3,14 +3,14 @@
 from hpcpic.core.files.reader import open_run
 from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.files.series import SeriesWriter
-from hpcpic.core.report.compare import _series
+from hpcpic.core.report.compare import Note, _series, kind_of
 
 
-def run_of(folder, times, rate=3.0):
+def run_of(folder, times, rate=3.0, **columns):
     rundir = RunDir.create(folder, config="a = 1;")
-    series = SeriesWriter(rundir, {"x": "m"})
+    series = SeriesWriter(rundir, {"x": "m", **dict.fromkeys(columns, "V/m")})
     for step, time in enumerate(times):
-        series.append(step * len(times), time, {"x": 1.0 + rate * time})
+        series.append(step * len(times), time, {"x": 1.0 + rate * time, **columns})
     series.flush()
     rundir.unlock()
     return open_run(folder)
@@ -34,3 +34,28 @@ def test_scalars_at_other_times_are_compared_where_both_runs_have_been(tmp_path)
     assert same.what == "series x" and same.max < 1e-15
     _, other = _series(a, run_of(tmp_path / "c", [0.0, 0.3, 0.6], rate=4.0))
     assert abs(other.max - 0.5) < 1e-15  # at 0.5 s, the last row of a until 0.6 s
+
+
+def test_samples_at_other_times_of_runs_of_one_length_are_no_difference(tmp_path):
+    """What both have sampled is compared as it is, without a line between samples: a swing would not be on it."""
+    a = run_of(tmp_path / "a", [0.1 * k for k in range(11)])
+    for number, times in enumerate(([0.2 * k for k in range(6)], [0.0, 0.4, 0.9])):
+        for pair in (a, other := run_of(tmp_path / f"b{number}", times)), (other, a):
+            told, found = _series(*pair)
+            assert isinstance(told, Note) and found.max < 1e-15
+            assert "compared at" in told and f"{len(times)} that both have" in told
+    told, found = _series(a, run_of(tmp_path / "c", [0.0, 0.33, 0.77, 1.0], rate=4.0))
+    assert isinstance(told, Note) and "b interpolated" in told and abs(found.max - 1.0) < 1e-12
+    told, _ = _series(a, run_of(tmp_path / "d", [0.1 * k for k in range(10)]))  # a step less: another length
+    assert not isinstance(told, Note)
+
+
+def test_a_column_is_measured_by_the_largest_of_its_kind(tmp_path):
+    names = ("mode_1_0_re", "mode_1_0_im", "momentum_x", "momentum_y", "energy_field")
+    a = run_of(tmp_path / "a", [0.0], **dict(zip(names, (2.0, 1e-16, 3.0, 1e-16, 1e-16))))
+    b = run_of(tmp_path / "b", [0.0], **dict(zip(names, (2.0, 3e-16, 3.0, -1e-16, 3e-16))))
+    relative = {found.what: found.relative for found in _series(a, b)}
+    assert relative["series mode_1_0_im"] < 1e-15 and relative["series momentum_y"] < 1e-15
+    assert relative["series energy_field"] > 1  # nothing of its kind is larger
+    kinds = {kind_of(name) for name in ("force_disc_x", "force_disc_y", "stress_zz_1", "energy_total", "level_2")}
+    assert kinds == {"force_disc", "stress_zz", "energy_total", "level"}
