@@ -48,10 +48,18 @@ class Case:
     def __init__(self, source: str | os.PathLike[str] | None = None, /, **sections: Any) -> None:
         if isinstance(source, Mapping):
             raise ConfigError("a case takes its sections by name: Case(simulation={...}, ...), or Case(**sections)")
+        if source is not None and not isinstance(source, str | os.PathLike):
+            raise ConfigError(f"a case is made of a shipped name or a path (got {source!r})")
+        if isinstance(source, str) and "\n" in source:
+            raise ConfigError(
+                "a case is made of a shipped name or a path, and this is the text of a case: write it to a file, "
+                "pathlib.Path('my.conf').write_text(text), and give its path"
+            )
         if (source is None) == (not sections):
             raise ConfigError("a case is made of a shipped name or a path, or else of the sections of a case file")
         self._source = None if source is None else os.fspath(source)
         self._starts: tuple[tempfile.TemporaryDirectory, ...] = ()  # of arrays, as long as a case lives that uses them
+        self._array_keys: tuple[str, ...] = ()  # under which they were given
         self._text = case_text(sections, self._keep)
         self._sets: tuple[str, ...] = ()
         self._read()
@@ -61,12 +69,13 @@ class Case:
             raise AttributeError(f"{name}: a case never changes; changed({{...}}) makes another one")
         super().__setattr__(name, value)
 
-    def _keep(self, given: Mapping[str, Any]) -> str:
+    def _keep(self, key: str, given: Mapping[str, Any]) -> str:
         """Write arrays that a case starts from; the path of their file. Raises ConfigError."""
+        self._array_keys = (*self._array_keys, key)
         try:
             plain = {name: np.asarray(values) for name, values in given.items()}
         except ValueError as error:
-            raise ConfigError(f"start: no arrays: {error}") from None
+            raise ConfigError(f"{key}: no arrays: {error}") from None
         folder = tempfile.TemporaryDirectory(prefix="hpcpic-")
         self._starts = (*self._starts, folder)
         path = Path(folder.name) / f"start-{len(self._starts)}.npz"
@@ -75,7 +84,7 @@ class Case:
 
     def _read(self) -> None:
         self._app = type(self).load_app()
-        with told_in_python():
+        with told_in_python(self._array_keys):
             if self._source is not None:
                 self._read_case = read_case(self._app, self._source, self._sets)
             else:
@@ -98,10 +107,12 @@ class Case:
         """Another case, with these keys ("species[0].particles") set to these values. Raises ConfigError.
 
         A mapping changes the keys in it and leaves the others of its group: {"simulation": {"end_time": 1.0}} is
-        {"simulation.end_time": 1.0}. A list takes the place of the whole list.
+        {"simulation.end_time": 1.0}. A list takes the place of the whole list, which adds a species, or leaves a group
+        of one out.
         """
         case = object.__new__(type(self))
-        case._source, case._text, case._starts = self._source, self._text, self._starts
+        case._source, case._text = self._source, self._text
+        case._starts, case._array_keys = self._starts, self._array_keys
         case._sets = (*self._sets, *assignments(changes, case._keep))
         case._read()
         return case
@@ -180,7 +191,7 @@ class Case:
         target = run_folder(self._read_case) if folder is None else os.fspath(folder)
         meet("run()")
         agree({"folder": str(target), **settings_of(self.config)})
-        with told_in_python():
+        with told_in_python(self._array_keys):
             code = job(lambda: self._app, prepare, flags, raises=True)
         return ended(code, target, self._app)
 
@@ -205,7 +216,7 @@ class Case:
 
         force: although `check` refuses, where the limit may be overridden. Raises ConfigError beyond the others."""
         threads = threads_of(threads)
-        with told_in_python():
+        with told_in_python(self._array_keys):
             enforce(self._app.derived(self.config, 1), self._read_case.tree, force)
         return Simulation(self._app, self.config, threads)
 
@@ -215,7 +226,7 @@ def _made_again(
 ) -> Case:
     """A case that was pickled; its arrays are in files of its own."""
     case = object.__new__(kind)
-    case._source, case._starts = source, ()
+    case._source, case._starts, case._array_keys = source, (), ()
     for old, content in arrays.items():
         folder = tempfile.TemporaryDirectory(prefix="hpcpic-")
         case._starts = (*case._starts, folder)

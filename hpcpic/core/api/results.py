@@ -25,7 +25,8 @@ class Run:
     """One run: finished, under way, stopped or killed, made here or on another machine.
 
     `summary` is run.json; `status` and `digest` are taken from it. Files are read when they are asked for, and then
-    kept: open a run that is under way again to see more of it. Raises FileError for what the folder does not hold.
+    kept until `restart`: open a run that is under way, or that others restart, again to see more of it. Raises
+    FileError for what the folder does not hold.
     """
 
     def __init__(self, files: reader.Run, app: App) -> None:
@@ -174,7 +175,11 @@ class Run:
         use.keep_own()
         meet("restart()")
         prepare = partial(prepare_restart, str(self.path), until, sets)
-        return ended(job(lambda: self._app, prepare, flags, raises=True), self.path, self._app)
+        try:
+            return ended(job(lambda: self._app, prepare, flags, raises=True), self.path, self._app)
+        finally:  # what was read before is not kept
+            self.__dict__.pop("series", None)
+            self._files = reader.Run(self._files.rundir)
 
     def simulation(self, *, threads: int | None = None) -> Simulation:
         """The simulation in memory, at the state of the newest good checkpoint: use it in a `with`. The run stays as it
@@ -212,8 +217,8 @@ def _index(snapshots: reader.Snapshots, step: int | None, time: float | None, na
     return snapshots.index(step, None if time is None else finite(time, "time"), name)
 
 
-def _keep_nothing(given: Mapping[str, Any]) -> str:
-    raise ConfigError("start: a restart goes on from a checkpoint, not from arrays")
+def _keep_nothing(key: str, given: Mapping[str, Any]) -> str:
+    raise ConfigError(f"{key}: a restart goes on from a checkpoint, not from arrays")
 
 
 _RAISED: Mapping[int, type[HpcpicError]] = {4: Diverged, 6: FileError}

@@ -159,12 +159,13 @@ class Simulation:
             )
 
     def step(self) -> None:
-        """One step."""
+        """One step, past the end of the case too."""
         self.advance(steps=1)
 
     def advance(self, *, steps: int | None = None, until: float | None = None) -> None:
-        """So many steps, or until a physical time [s]; by default to the end of the case. Ctrl-C is heard after a whole
-        step. Raises Diverged.
+        """So many steps, or until the first step at or after a physical time [s], both past the end of the case too; by
+        default to that end, where there is one ahead. Ctrl-C is heard after a whole step. Raises ConfigError, as of a
+        time that is past, and Diverged.
         """
         self._meet("advance()")
         self._refuse_in_observer("step() or advance()")
@@ -173,6 +174,8 @@ class Simulation:
         steps = None if steps is None else whole(steps, "advance: steps", 0)
         until = None if until is None else finite(until, "advance: until")
         last, end = self._goal(steps, until)
+        if until is not None and (last < self.iteration or end < self.time - self.model.time_step):
+            raise ConfigError(f"advance: until: the simulation is at {self.time:g} s already (got {until:g})")
         self._look()
         while self.iteration < last and self.time < end:
             self._go(last)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -14,16 +14,26 @@ from hpcpic.core.case.dump import dump
 from hpcpic.core.case.texts import value_text
 from hpcpic.core.errors import ConfigError
 
-Keep = Callable[[Mapping[str, Any]], str]  # writes arrays to a file, and tells its path
+Keep = Callable[[str, Mapping[str, Any]], str]  # writes the arrays of a key to a file, and tells its path
 
 
 @contextmanager
-def told_in_python() -> Iterator[None]:
-    """Errors in the body call a change of a case as Python does, where the command line has --set."""
+def told_in_python(arrays: Iterable[str] = ()) -> Iterator[None]:
+    """Errors in the body call a change of a case as Python does, where the command line has --set, and arrays by the
+    keys that they were given under, where a case has a file.
+    """
+
+    def worded(told: str) -> str:
+        told = re.sub("^--set ", "changed: ", told)
+        for key in arrays:
+            told = re.sub(rf'^changed: {re.escape(key)}={{ file = "[^"]*"; }}: ', "changed: ", told)
+            told = told.replace(f"{key}.file: ", f"{key}: ")
+        return told
+
     try:
         yield
     except ConfigError as error:
-        raise ConfigError([re.sub("^--set ", "changed: ", told) for told in error.messages]) from None
+        raise ConfigError([worded(told) for told in error.messages]) from None
 
 
 def called(told: str, path: str, name: str) -> str:
@@ -51,7 +61,7 @@ def setting_text(value: Any, key: str, keep: Keep) -> str:
     kept in a file."""
     if isinstance(value, Mapping):
         if _holds_arrays(key) and "file" not in value:
-            value = {"file": keep(value)}
+            value = {"file": keep(key, value)}
         inner = (f"{name} = {setting_text(each, f'{key}.{name}', keep)};" for name, each in value.items())
         return "{ " + " ".join(inner) + " }"
     if isinstance(value, np.ndarray | np.generic):
@@ -86,4 +96,5 @@ def _plain(value: Any, key: str) -> bool | int | float | str:
         value = value.item()
     if isinstance(value, bool | int | float | str):
         return value
-    raise ConfigError(f"{key}: a case holds numbers, texts, true and false (got {type(value).__name__})")
+    cure = "; to leave a key out make the case anew, or give the whole list that it is in" if value is None else ""
+    raise ConfigError(f"{key}: a case holds numbers, texts, true and false (got {type(value).__name__}){cure}")

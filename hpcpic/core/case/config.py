@@ -327,6 +327,9 @@ def put_value(holder: Any, path: Path, value: Any) -> Any:
 
 def absent(group: Any, path: Path) -> str:
     """What is said of a key or an index that a group does not have, with the key of it that was meant."""
+    if isinstance(group, tuple) and isinstance(path[-1], int):
+        whole = dotted(path[:-1])
+        return f"there is no {dotted(path)}: {whole} has {len(group)}; to add one give the whole list, {whole}"
     keys = list(group) if isinstance(group, dict) else []
     near = difflib.get_close_matches(str(path[-1]), keys, 1)
     hint = f"; did you mean {dotted((*path[:-1], near[0]))}?" if near else ""

@@ -357,6 +357,44 @@ def test_an_advance_goes_to_a_time_or_by_steps_that_there_are():
         assert sim.iteration == 2
 
 
+@pytest.mark.parametrize("case", [hpcpic.Case("plasma-oscillation"), sph.Case("elliptical-drop")])
+def test_a_time_that_is_past_is_refused(case):
+    with case.simulation(threads=1) as sim:
+        sim.advance(until=0.0)
+        sim.advance(steps=3)
+        now, step = sim.time, sim.time / 3
+        for past in (now - 1.5 * step, -step):
+            with pytest.raises(hpcpic.ConfigError, match=r"advance: until: the simulation is at .* s already"):
+                sim.advance(until=past)
+        sim.advance(until=now)
+        sim.advance(until=now - 0.5 * step)  # the first step at or after it is this one
+        assert sim.iteration == 3
+
+
+def test_steps_and_times_go_past_the_end_of_the_case():
+    with hpcpic.Case("plasma-oscillation").changed(SHORT).simulation(threads=1) as sim:
+        sim.advance()
+        sim.step()
+        sim.advance()
+        assert sim.iteration == 13
+        sim.advance(until=sim.time * 15 / 13)
+        assert sim.iteration == 15
+
+
+@pytest.mark.parametrize(
+    ("make", "told"),
+    [
+        (lambda case: hpcpic.Case(str(case)), r"text of a case: write it to a file, .*\.write_text"),
+        (lambda case: hpcpic.Case(3), r"a shipped name or a path \(got 3\)"),
+        (lambda case: case.changed({"species[7]": {"name": "i"}}), "to add one give the whole list, species"),
+        (lambda case: case.changed({"species[0].perturbation": None}), "to leave a key out make the case anew, or"),
+    ],
+)
+def test_what_a_case_cannot_be_made_of_is_told_with_what_it_can(make, told):
+    with pytest.raises(hpcpic.ConfigError, match=told):
+        make(hpcpic.Case("plasma-oscillation"))
+
+
 def test_particles_in_memory_have_all_digits_of_the_state(tmp_path):
     """They have the energy of the series, which is summed of the state; files of SPH hold them rounded."""
     case = sph.Case("water-column").changed({"numerics.spacing": 0.05, "simulation.end_time": 0.002})

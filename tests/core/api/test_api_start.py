@@ -103,6 +103,14 @@ def test_arrays_that_cannot_be_a_start_are_told(start, told):
         started(**start)
 
 
+def test_arrays_are_called_by_the_key_that_they_were_given_under():
+    wrong = {"position": np.zeros((4, 2))}
+    with pytest.raises(hpcpic.ConfigError, match=r"^hpcpic.Case: species\[0\].start: position must"):
+        started(**wrong)
+    with pytest.raises(hpcpic.ConfigError, match=r"^changed: species\[0\].start: position must"):
+        started(position=np.zeros((4, 1))).changed({"species[0].start": wrong})
+
+
 @pytest.mark.parametrize(
     ("program", "group", "others"),
     [
