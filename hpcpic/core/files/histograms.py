@@ -4,7 +4,7 @@
 the axes that its attribute `axes` lists, with `scale_factor`, the density of a count, in the unit `units`; `beyond`
 [rows], particles in no bin; and by the name of each axis the edges [bins + 1] of its bins. As in series.h5, `step`
 grows last and tells how many rows are valid. A restart that counts others, or in other bins, begins the next file
-(`rundir.part_of`).
+(`parts.part_of`).
 """
 
 import os
@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from hpcpic.core.errors import FileError
 from hpcpic.core.files import image
 from hpcpic.core.files.arrays import Counts
-from hpcpic.core.files.rundir import part_of, parts_of, temporary
+from hpcpic.core.files.parts import part_of, parts_of
+from hpcpic.core.files.rundir import temporary
 from hpcpic.core.files.safe_hdf5 import Checked, open_checked
 from hpcpic.core.files.series import CHUNK_ROWS, STEP, TIME, announce, extend
 from hpcpic.core.files.together import Alone, together

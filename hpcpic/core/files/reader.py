@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from hpcpic.core.errors import FileError
 from hpcpic.core.files.arrays import PARTICLE_UNITS
 from hpcpic.core.files.histograms import Histogram, read_histogram
-from hpcpic.core.files.rundir import RunDir, parts_of
+from hpcpic.core.files.parts import parts_of
+from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.files.safe_hdf5 import Checked, open_checked
 from hpcpic.core.files.series import Series, read_series
 

@@ -4,7 +4,6 @@ import csv
 import errno
 import fcntl
 import io
-import itertools
 import json
 import logging
 import math
@@ -19,9 +18,10 @@ from pathlib import Path
 from typing import IO, Any
 
 from hpcpic.core.errors import FileError
+from hpcpic.core.files.parts import parts_of
 from hpcpic.core.files.together import explain
 
-IN_PARTS = ("fields.vtkhdf", "particles.vtkhdf", "grains.vtkhdf", "histograms.h5")  # see `part_of`
+IN_PARTS = ("fields.vtkhdf", "particles.vtkhdf", "grains.vtkhdf", "histograms.h5")  # see files.parts
 RUN_FILES = (
     *("run.json", "config.conf", "log.txt", "timers.csv", "series.h5", "series.csv", "series.units.csv"),
     *IN_PARTS,
@@ -32,19 +32,6 @@ LOCK = ".lock"
 NO_LOCKS = (errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOLCK)  # what parallel file systems say that are mounted without
 LOOKS, LOOK_SECONDS = 5, 0.02  # before a folder counts as in use: who reads it holds its lock for a moment
 log = logging.getLogger(__name__)
-
-
-def part_of(path: Path, number: int) -> Path:
-    """A file that a restart with other arrays does not go on with is followed by further ones: fields.vtkhdf,
-    fields-2.vtkhdf, ...; `number` counts from 1.
-    """
-    return path if number == 1 else path.with_name(f"{path.stem}-{number}{path.suffix}")
-
-
-def parts_of(path: Path) -> list[Path]:
-    """The parts of a file that are there, in the order of time."""
-    every = (part_of(path, number) for number in itertools.count(1))
-    return list(itertools.takewhile(Path.exists, every))
 
 
 def temporary(path: Path, pid: int | str | None = None) -> Path:

@@ -3,7 +3,7 @@ particles.vtkhdf (PolyData).
 
 All ranks write their part of a step at its place (core.files.image); `NSteps`, which is what readers look at,
 changes last, so a file is readable at any moment. A restart that writes other arrays leaves the file as it is, and
-begins the next one (`rundir.part_of`). Values are stored in the type they have. Vectors have three
+begins the next one (`parts.part_of`). Values are stored in the type they have. Vectors have three
 components, without which VTK takes them for no vectors; the attribute `components` tells how many the run has. What is
 flat lies at z = 0. `/step` holds the step numbers beside the times in `/VTKHDF/Steps/Values`.
 https://docs.vtk.org/en/latest/vtk_file_formats/vtkhdf_file_format
@@ -24,7 +24,8 @@ from hpcpic.core.errors import FileError
 from hpcpic.core.files import image
 from hpcpic.core.files.arrays import PARTICLE_UNITS, FieldArray, ParticleArray, Shard, spatial
 from hpcpic.core.files.image import Slot
-from hpcpic.core.files.rundir import part_of, parts_of, temporary
+from hpcpic.core.files.parts import part_of, parts_of
+from hpcpic.core.files.rundir import temporary
 from hpcpic.core.files.safe_hdf5 import open_checked
 from hpcpic.core.files.together import Alone, together
 from hpcpic.core.space.domain import Domain

@@ -68,7 +68,7 @@ def make_export_command(app_loader: AppLoader) -> click.Command:
 
 
 def _to_vtkhdf(run: Run, target: Path) -> int:
-    from hpcpic.core.files.rundir import parts_of
+    from hpcpic.core.files.parts import parts_of
 
     files = [*parts_of(run.rundir.fields), *parts_of(run.rundir.particles)]
     for path in files:
