@@ -102,7 +102,7 @@ class Flow(Section):
         "on the interface of two that both have this flow",
     )
     gradient: Vector = setting((), "linear: G row by row", "1/s")
-    centre: Vector = setting((), "linear: where the velocity is zero", "m")
+    centre: Vector = setting((), "linear: where the velocity is zero; by default the middle of the shape", "m")
     amplitude: float = setting(0.0, "taylor-green: largest velocity in m/s; standing-wave: of the surface in m")
     wavelength: float = setting(1.0, "of vortices or wave", "m", gt=0)
 

@@ -73,6 +73,11 @@ def sizes(config: SphConfig) -> Iterator[Fault]:
             if group == "fluid" or wrong:
                 text = "only a wall has faces to leave out" if group == "fluid" else f"not one of {', '.join(faces)}"
                 yield (group, i, "shape", "box", "open"), text
+    for i, flow in ((i, fluid.flow) for i, fluid in enumerate(config.fluid) if fluid.flow):
+        if FLOWS[flow.type].needs_gradient and len(flow.gradient) != d * d:
+            yield ("fluid", i, "flow", "gradient"), (
+                f"needs {d * d} numbers in {d}D, row by row (got {len(flow.gradient)})"
+            )
     for i, gauge in enumerate(config.gauge):
         yield from (((("gauge", i, *path), text)) for path, text in gauge_faults(gauge, d))
     yield from opening_checks.axes(config)
@@ -256,8 +261,6 @@ def fluid_faults(config: SphConfig, fluid: Fluid, d: int) -> Iterator[Fault]:
         shapes = {"position": (None, d), "velocity": (None, d)}
         yield from ((("start", *path), text) for path, text in start_faults(fluid.start, shapes))
     flow = fluid.flow
-    if flow and FLOWS[flow.type].needs_gradient and len(flow.gradient) != d * d:
-        yield ("flow", "gradient"), f"needs {d * d} numbers in {d}D, row by row (got {len(flow.gradient)})"
     if flow and FLOWS[flow.type].needs_gravity and not any(config.gravity):
         yield ("flow", "type"), f"a {flow.type} needs gravity"
     if INITIAL_DENSITIES[fluid.initial_pressure] is density_of_flow and flow is None:

@@ -10,6 +10,7 @@ from sph.physics.integrators import INTEGRATORS
 from sph.physics.liquids import liquids_of
 from sph.physics.stability import courant_limit
 from sph.physics.viscosities import VISCOSITIES
+from sph.setup import flows
 from sph.setup.speeds import speed_scale
 from sph.setup.tanks import open_sides
 
@@ -51,7 +52,7 @@ def named(kind: str, i: int, group):
 def _fluid(fluid, d: int):
     flow = fluid.flow
     if flow:
-        flow = flow.model_copy(update={"centre": flow.centre or (0.0,) * d})
+        flow = flow.model_copy(update={"centre": flows.centre_of(fluid, flow)})
     return fluid.model_copy(update={"velocity": fluid.velocity or (0.0,) * d, "flow": flow})
 
 

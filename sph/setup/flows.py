@@ -81,6 +81,11 @@ def below(scene: Liquid, fluid: Fluid, x: NDArray) -> NDArray[np.bool_]:
     return np.all([(low[k] <= x[:, k]) & (x[:, k] <= high[k]) for k in np.flatnonzero(scene.gravity == 0.0)], axis=0)
 
 
+def centre_of(fluid: Fluid, flow: Flow) -> geometry.Point:
+    """Where a linear flow has no velocity, m; in the middle of its fluid where the case does not say."""
+    return flow.centre or geometry.middle(fluid.shape)
+
+
 class Linear:
     """v = G (x - centre), and p with lap p = -rho tr(G^2) that is 0 on the surface of a disc, sphere or rectangle."""
 
@@ -88,7 +93,8 @@ class Linear:
 
     @staticmethod
     def speed(fluid: Fluid, flow: Flow, g: float) -> float:
-        return max(math.hypot(*geometry.linear(flow.gradient, flow.centre, c)) for c in geometry.corners(fluid.shape))
+        centre = centre_of(fluid, flow)
+        return max(math.hypot(*geometry.linear(flow.gradient, centre, c)) for c in geometry.corners(fluid.shape))
 
     @staticmethod
     def velocity(scene: Liquid, fluid: Fluid, flow: Flow, x: NDArray) -> NDArray[np.float64]:

@@ -96,6 +96,20 @@ def test_all_faults_are_told_at_once():
     assert all(key in message for key in ("numerics.spacing", "eos.gama", "did you mean 'gamma'", "wall[0].type"))
 
 
+FLOW = BASE.replace("}; } );", '}; flow = { type = "linear"; gradient = [0.0, -2.0, 2.0, 0.0]; }; } );')
+
+
+def test_a_linear_flow_has_no_velocity_in_the_middle_of_its_fluid_unless_the_case_says_where():
+    assert configure(loads(FLOW)).fluid[0].flow.centre == (0.5, 0.25)
+    assert configure(loads(FLOW.replace("0.0]; };", "0.0]; centre = [0.0, 0.0]; };"))).fluid[0].flow.centre == (0, 0)
+
+
+def test_a_gradient_is_a_matrix():
+    assert refused(FLOW.replace("[0.0, -2.0, 2.0, 0.0]", "[0, 1]")) == (
+        "case:4:100: fluid[0].flow.gradient: needs 4 numbers in 2D, row by row (got 2)"
+    )
+
+
 @pytest.mark.parametrize("name", ["time", "step"])
 def test_a_gauge_is_not_called_as_the_columns_that_tell_when(name):
     gauge = FRONT.replace('"a"', f'"{name}"')
