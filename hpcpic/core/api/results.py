@@ -139,6 +139,7 @@ class Run:
         plots = self._app.plots() if self._app.plots else {}
         if name not in plots:
             raise ConfigError(f"no figure {name!r}; there are {', '.join(plots)}")
+        self._import_kept(self.summary)
         try:
             figure: Any = plots[name].make(self._files, step)
         except NoData as error:
@@ -146,6 +147,11 @@ class Run:
         figure.set_facecolor(PAPER)  # of notebooks in the dark
         figure._repr_png_ = lambda: png(figure)  # without pyplot nobody has told IPython how to show a figure
         return figure
+
+    def _import_kept(self, facts: Mapping[str, object]) -> None:
+        """Import what the run has used of Python, unless this process has registered it. Raises ConfigError."""
+        use.keep_own()
+        use.import_kept(facts, self._files.rundir.given)
 
     def restart(
         self,
@@ -188,8 +194,7 @@ class Run:
         from hpcpic.core.cli.restart import case_of, facts_of
 
         threads = threads_of(threads)
-        use.keep_own()
-        use.import_kept(facts_of(self._files.rundir), self._files.rundir.given)
+        self._import_kept(facts_of(self._files.rundir))
         config, tree, _ = case_of(self._app, self._files.rundir, None, (), 1)
         return Simulation(self._app, config, threads, checkpoints=(self._files.rundir, tree))
 

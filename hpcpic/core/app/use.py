@@ -2,7 +2,7 @@
 scalar, a field, a wall rule or an acceleration of its own.
 
 Only the command line names such a file, never a case, which may come from somebody else. A run keeps the file in given/
-and a restart imports that copy; compiled kernels know it by a hash of its text (core.simd.generate).
+and restarts, figures and reports import that copy; compiled kernels know it by a hash of its text (core.simd.generate).
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ def import_kept(facts: Mapping[str, object], given: Path) -> None:
         if name in used and used[name].digest != digest:
             raise ConfigError(
                 f"{given / name}: the run was started with this file, and this process has imported {used[name].path}, "
-                "which has its name and another text: restart it in a process of its own"
+                "which has its name and another text: open it in a process of its own"
             )
         use(str(given / name))
         if used[name].digest != digest:

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hpcpic.core.app.use import import_kept
+
 if TYPE_CHECKING:
     from hpcpic.core.files.reader import Run
 
@@ -25,7 +27,7 @@ follow_option = click.option(
 def states_of(folder: str, program: str, follow: bool) -> Iterator[Run]:
     """The run as it stands now; with `follow` again after each change of its files, the last time when it has ended.
 
-    Raises FileError where no run of the program is.
+    What the run has used of Python is imported. Raises FileError where no run of the program is, and ConfigError.
     """
     from hpcpic.core.files.reader import open_run
 
@@ -33,6 +35,7 @@ def states_of(folder: str, program: str, follow: bool) -> Iterator[Run]:
         began = time.monotonic()
         seen = _stamps(folder) if follow else []  # before reading: what is written meanwhile is a change
         run = open_run(folder, program)
+        import_kept(run.summary, run.rundir.given)
         goes_on = _goes_on(run)  # before reading too: what is drawn of a run that has ended is all of it
         yield run
         if not follow or not goes_on:

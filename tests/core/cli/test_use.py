@@ -46,6 +46,14 @@ def hpcpic(folder, *words):
     return subprocess.run(command, cwd=folder, env=environment(), capture_output=True, text=True, timeout=120)
 
 
+DRAW = "import hpcpic; run = hpcpic.open_run('a'); run.plot('energies')"
+
+
+def python(folder, program):
+    words = [sys.executable, "-c", program]
+    return subprocess.run(words, cwd=folder, env=environment(), capture_output=True, text=True, timeout=120)
+
+
 def test_a_loader_from_a_file_runs_is_kept_and_goes_on_without_the_file(folder):
     assert "init_method" in hpcpic(folder, "check", "own.conf").stderr
     done = hpcpic(folder, "run", "own.conf", "-o", "a", "--use", "own.py", "--threads", "1")
@@ -54,11 +62,19 @@ def test_a_loader_from_a_file_runs_is_kept_and_goes_on_without_the_file(folder):
         "own.py": hashlib.sha256(LOADER.encode()).hexdigest()
     }
     (folder / "own.py").unlink()
+    for words in (("plot", "a", "energies"), ("report", "a")):
+        drawn = hpcpic(folder, *words)
+        assert drawn.returncode == 0, drawn.stderr
+    drawn = python(folder, DRAW)
+    assert drawn.returncode == 0, drawn.stderr
     more = hpcpic(folder, "restart", "a", "--set", "simulation.cycles=6", "--threads", "1")
     assert more.returncode == 0, more.stderr
     (folder / "a/given/own.py").write_text(LOADER + "\n")
-    refused = hpcpic(folder, "restart", "a", "--set", "simulation.cycles=8")
-    assert refused.returncode == 2 and "own.py: not the file that the run was started with" in refused.stderr
+    for words in (("restart", "a", "--set", "simulation.cycles=8"), ("plot", "a"), ("report", "a")):
+        refused = hpcpic(folder, *words)
+        assert refused.returncode == 2 and "own.py: not the file that the run was started with" in refused.stderr
+    refused = python(folder, DRAW)
+    assert "ConfigError" in refused.stderr and "not the file that the run was started with" in refused.stderr
 
 
 @pytest.mark.parametrize(
