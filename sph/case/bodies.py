@@ -38,7 +38,10 @@ class Body(Section):
     density: float = setting(REQUIRED, "mean density, from which mass and inertia follow", "kg/m3", gt=0)
     velocity: Vector = setting((), "of the centre of mass at t = 0", "m/s")
     angular_velocity: Vector = setting((), "at t = 0: three components, in 2D one", "rad/s")
-    held: Names = setting((), 'motions that it cannot make: "x" along an axis, "rx" about it')
+    held: Names = setting(
+        (), 'motions that no force changes, "x" along an axis, "rx" about it: it keeps the velocity of t = 0, as a '
+        "driven rotor does its angular_velocity, and stays where that is 0"
+    )  # fmt: skip
     contact: Contact = Contact()
     mooring: tuple[Mooring, ...] = ()
     hinge: Hinge | None = None

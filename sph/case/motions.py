@@ -9,8 +9,9 @@ class Place(Section):
 
 
 TURNING = (
-    "walls do not turn: compute in the frame of the tank, with the forces of that frame as fluid.acceleration "
-    '(docs/start/python.md, "An acceleration")'
+    "walls do not turn. A solid that does, as a paddle, is a body that no force slows down: body = { density = 1000.0; "
+    'angular_velocity = [3.0]; held = ["x", "y", "rz"]; }. Of a tank that turns compute in its frame, with the forces '
+    'of that frame as fluid.acceleration (docs/start/python.md, "An acceleration")'
 )
 
 

@@ -134,7 +134,7 @@ def test_a_tank_that_shall_turn_is_told_what_can_be_done():
     wall = f"wall = ( {{ shape = {BOX}; motion = {{ angular_velocity = [1.0]; }}; }} );"
     told = refused(BASE + wall)
     assert "wall[0].motion.angular_velocity: unknown key; walls do not turn" in told
-    assert "fluid.acceleration" in told and "did you mean" not in told
+    assert "fluid.acceleration" in told and 'held = ["x", "y", "rz"]' in told and "did you mean" not in told
     assert "did you mean 'velocity'" in refused(BASE + wall.replace("angular_", "angular_v_"))
 
 

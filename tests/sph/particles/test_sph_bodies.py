@@ -105,6 +105,17 @@ def test_a_body_falls_with_g_and_not_along_what_is_held():
     assert seen["position_raft_x"] == pytest.approx(0.5 + 0.4 * sph.time) and seen["angle_raft_z"] == 0.0
 
 
+def test_a_rotor_whose_motions_are_held_turns_at_its_speed_and_drives_the_fluid():
+    rotor = body(more='angular_velocity = [3.0]; held = ["x", "y", "rz"];')
+    sph = engine(spacing=0.05, fill=1.0, more=bodies(rotor))
+    for _ in range(10):
+        sph.step()
+    seen = sph.scalars()
+    assert (seen["velocity_raft_x"], seen["velocity_raft_y"], seen["spin_raft_z"]) == (0.0, 0.0, 3.0)
+    assert seen["angle_raft_z"] == pytest.approx(3.0 * sph.time) and seen["position_raft_x"] == pytest.approx(0.5)
+    assert abs(seen["torque_raft_z"]) > 0.0
+
+
 def test_a_body_sinks_to_the_floor_and_rests_there():
     """On the floor, or on water that it did not drive out: less than a spacing of it."""
     low = body("box = { low = [0.3, 0.1]; high = [0.7, 0.3]; };", density=1500.0)
