@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 class Case:
-    """One case, valid and complete: a shipped name, the path of a case file, or the keys of one.
+    """One case, valid and complete: a shipped name, the path of a case file, or its sections by name.
 
     >>> import sph
     >>> case = sph.Case("water-column").changed({"numerics.spacing": 0.02})

@@ -104,7 +104,9 @@ class Run:
     def particles(
         self, name: str | None = None, *, time: float | None = None, step: int | None = None
     ) -> xarray.Dataset:
-        """The particles of a species, fluid or set of grains likewise; without a name those of the only one."""
+        """The particles of a species, fluid or set of grains likewise; without a name those of the only one. What an
+        inlet has brought in has the name of the inlet: `species` lists all.
+        """
         snapshots = self._files.particle_snapshots
         if name is None and len(snapshots.species) == 1:
             (name,) = snapshots.species
