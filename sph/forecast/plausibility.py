@@ -24,7 +24,7 @@ from sph.setup.rigid.surfaces import TOUCHING, gap, nearest, surfaces
 from sph.setup.scene import Scene, Wall
 from sph.setup.signed_distance import signed_distance
 from sph.setup.speeds import fastest, motion_speed, speed_jump, speed_scale
-from sph.setup.tanks import depth_in, depth_in_wall, open_sides
+from sph.setup.tanks import depth_in, depth_in_wall, open_sides, slides
 
 DENSE, DENSER = 0.02, 0.1  # rho / rho0 - 1 at rest, which are noticed and refused
 MOST_STEPS = 1e9  # 11 days at a millisecond a step
@@ -117,14 +117,15 @@ def directions(config: SphConfig) -> Iterator[Derived]:
 
 
 def jumps(config: SphConfig, scene: Scene) -> Iterator[Derived]:
-    """Walls so fast that they are behind fluid before it has met them, that swing as fast as sound crosses it, or whose
-    speed jumps.
+    """Walls so fast that they are behind fluid before it has met them, that swing as fast as sound crosses it, and not
+    along it, or whose speed jumps.
     """
     dt = stability.time_step(config)
     boxes = [geometry.bounds(fluid.shape) for fluid in config.fluid]
     extent = max((b - a for low, high in boxes for a, b in zip(low, high)), default=0.0)
     for i, wall in enumerate(config.wall):
-        if wall.motion and any(wall.motion.amplitude) and not any(config.gravity):
+        swing = np.array(wall.motion.amplitude if wall.motion else ())
+        if wall.motion and swing.any() and not any(config.gravity) and not slides(scene.walls[i], swing):
             needed = 2 * math.pi / wall.motion.period * extent / LONGEST_SWING
             slow = needed > config.sound_speed
             source = "added mass of a cylinder in a closed box, 1.06 by theory: 1.07 (0.25), 1.16 (0.75), 0.2 (6)"

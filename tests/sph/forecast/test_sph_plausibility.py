@@ -252,6 +252,22 @@ def test_a_wall_that_swings_as_fast_as_sound_goes_through_the_fluid_is_told():
     assert "swing of rod beside sound" not in told(wall=wall)
 
 
+@pytest.mark.parametrize(
+    ("shape", "way", "pushes"),
+    [
+        ("plane = { point = [0.0, 0.0]; normal = [0.0, 1.0]; };", "[0.004, 0.0]", False),
+        ("plane = { point = [0.0, 0.0]; normal = [0.0, 1.0]; };", "[0.004, 0.001]", True),
+        ("box = { low = [0.0, -0.2]; high = [1.0, 0.0]; };", "[0.004, 0.0]", False),
+        ("box = { low = [0.0, -0.2]; high = [1.0, 0.0]; };", "[0.0, 0.004]", True),
+    ],
+)
+def test_a_floor_that_swings_within_itself_pushes_no_fluid(shape, way, pushes):
+    motion = f"motion = {{ amplitude = {way}; period = 0.5; }};"
+    wall = f'( {{ name = "floor"; solid = true; {motion} shape = {{ {shape} }}; }} )'
+    domain = '{ low = [0.0, -0.2]; high = [1.0, 0.5]; periodic = ["x"]; }'
+    assert ("swing of floor beside sound" in told(wall=wall, domain=domain, gravity="[0.0, 0.0]")) == pushes
+
+
 def test_the_error_of_the_period_of_waves_is_told_by_the_smoothing_length():
     title = "error of the period of waves"
     assert told(numerics="{ spacing = 0.05; }")[title].value == -0.6  # h/dp 1.5
