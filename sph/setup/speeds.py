@@ -11,6 +11,7 @@ from sph.case import geometry
 from sph.case.config import AXES, Fluid, SphConfig, Wall
 from sph.case.motions import Motion
 from sph.case.openings import Inlet
+from sph.physics.stability import physical_viscosity
 from sph.setup import flows
 from sph.setup.tanks import slides
 
@@ -40,6 +41,18 @@ def heights_of(config: SphConfig, fluid: Fluid | Wall) -> list[float]:
     """Heights against gravity of the corners of a fluid or a solid, m."""
     g = math.hypot(*config.gravity)
     return [-sum(a * b for a, b in zip(corner, config.gravity)) / g for corner in geometry.corners(fluid.shape)]
+
+
+def overdamped(config: SphConfig) -> bool:
+    """True if viscosity takes a wave on the fluid, as long as it is deep, to 1/e within a period: exp(-2 nu k^2 t)
+    (Lamb, Hydrodynamics, 348).
+    """
+    heights = [height for fluid in config.fluid for height in heights_of(config, fluid)]
+    if not heights:
+        return False
+    k = 2 * math.pi / (max(heights) - min(heights))
+    period = 2 * math.pi / math.sqrt(math.hypot(*config.gravity) * k)
+    return 2 * physical_viscosity(config) * k * k * period > 1.0
 
 
 def fastest(config: SphConfig, inlet: Inlet) -> float:
