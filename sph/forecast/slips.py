@@ -1,5 +1,5 @@
-"""Slips of a unit or of a place: densities of no liquid, water over the rim of its tank, hinges far from their body,
-sensors of pressure in plates.
+"""Slips of a unit or of a place: densities of no liquid, water over the rim of its tank, the pressure of rest in water
+that rests on nothing, hinges far from their body, sensors of pressure in plates.
 """
 
 import math
@@ -10,12 +10,15 @@ import numpy as np
 from hpcpic.core.case.derived import Derived
 from sph.case import geometry
 from sph.case.config import AXES, WALL_PRESSURE, Fluid, SphConfig
-from sph.setup.scene import Scene, Wall
+from sph.setup.flows import at_rest, hydrostatic, up
+from sph.setup.scene import FluidSet, Scene, Wall
+from sph.setup.signed_distance import signed_distance
 from sph.setup.tanks import depth_in_solid, depth_in_wall, frame
 
 EARTH = 9.0, 10.5  # m/s2: gravity by which a case is known to be in SI units
 LIQUIDS = 50.0, 25000.0  # kg/m3: hydrogen has 71, gold 19300
 GASEOUS = 2.0  # exponents of the equation of state below are of gases
+MOST_LOOKED, MOST_LOWEST = 100_000, 1_000  # particles of a fluid that are looked at, and looked under
 FARTHEST = 2.0  # lengths of a body that its hinge is away from it
 
 
@@ -23,6 +26,7 @@ def slips(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     """All of them."""
     yield from densities(config)
     yield from over_rims(config, scene)
+    yield from in_the_air(scene)
     yield from hinges(config)
     yield from plates(config, scene)
 
@@ -74,6 +78,41 @@ def held_sides(scene: Scene, fluid: Fluid, up: int, height: float, *walls: Wall)
             if scene.periodic[k] or any(depth_in_wall(wall, place[None])[0] > 0.0 for wall in walls or scene.walls):
                 found.append(AXES[k] + side)
     return found
+
+
+def in_the_air(scene: Scene) -> Iterator[Derived]:
+    """Liquids that start with the pressure of rest and have nothing under their lowest particles: they fall, without
+    pressure. A height of the surface that the case gives is meant.
+    """
+    for i, fluid in enumerate(scene.fluids):
+        section = fluid.section
+        if section.gas or section.surface is not None or not (fluid.n and at_rest(section) and scene.gravity.any()):
+            continue
+        x = fluid.points(fluid.first + spread(fluid.n, MOST_LOOKED))
+        high = x @ up(scene)
+        lowest = x[high <= high.min() + scene.spacing / 2]
+        if not carried(scene, fluid, lowest[spread(len(lowest), MOST_LOWEST)]):
+            most = float(scene.eos.pressure(hydrostatic(scene, section, x)).max())
+            yield Derived(f"pressure of rest in {section.name}, under which there is nothing", "p", most, "Pa", "0",
+                          "warn", "it falls freely", 'initial_pressure = "zero"',
+                          ("fluid", i, "initial_pressure"))  # fmt: skip
+
+
+def spread(n: int, most: int) -> np.ndarray:
+    """All numbers below n, or about so many of them, in step with no lattice."""
+    return np.arange(n) if n <= most else np.unique((np.arange(most) * (math.sqrt(5) - 1) / 2 % 1.0 * n).astype(int))
+
+
+def carried(scene: Scene, fluid: FluidSet, x: np.ndarray) -> bool:
+    """If a wall, a solid, another fluid, an inlet or an outlet is within a support under points[n, d] of a fluid."""
+    deep = np.arange(scene.spacing / 2, scene.support, scene.spacing / 2)
+    under = (x[:, None] - deep[:, None] * up(scene)).reshape(-1, scene.dimensions)
+    openings = (*scene.config.inlet, *scene.config.outlet)
+    return (
+        any((depth_in_wall(wall, under) > 0.0).any() for wall in scene.walls)
+        or any((signed_distance(o.section.shape, under) <= 0.0).any() for o in scene.fluids if o is not fluid)
+        or any(np.all((under >= one.low) & (under <= one.high), axis=1).any() for one in openings)
+    )
 
 
 def hinges(config: SphConfig) -> Iterator[Derived]:

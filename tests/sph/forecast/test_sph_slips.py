@@ -44,6 +44,29 @@ def test_water_over_the_rim_of_its_tank_is_told_with_the_sides(parts, sides):
         assert number.value == pytest.approx(0.2) and number.verdict == "warn" and "0.6 m" in number.cure
 
 
+BALL = PARTS["fluid"].replace("{ box = { low = [0.0, 0.0]; high = [1.0, 0.3]; }; }",
+                              "{ sphere = { centre = [0.5, 0.6]; radius = 0.1; }; }")  # fmt: skip
+POOL = ', { name = "pool"; shape = { box = { low = [0.0, 0.0]; high = [1.0, 0.3]; }; }; } )'
+
+
+@pytest.mark.parametrize("fluid, height", [
+    (DROP, 0.1),
+    (DROP.replace("0.7]", "0.0]"), 0.0),
+    (DROP.replace("shape", 'initial_pressure = "zero"; shape', 1), 0.0),
+    (DROP.replace("shape", "surface = 0.8; shape", 1), 0.0),
+    (BALL, 0.2),
+    (BALL.replace("0.6]", "0.1]"), 0.0),
+    (DROP[:-2] + POOL, 0.1),
+    (DROP.replace("0.7]", "0.3]")[:-2] + POOL, 0.0),  # it lies on another
+    (PARTS["fluid"].replace("0.0, 0.0", "0.0, 0.5").replace("0.3]", "0.8]"), 0.3),  # between walls alone
+])  # fmt: skip
+def test_the_pressure_of_rest_of_water_that_rests_on_nothing_is_told(fluid, height):
+    number = told(fluid=fluid).get("pressure of rest in water, under which there is nothing")
+    assert bool(number) == bool(height)
+    if number:
+        assert number.value == pytest.approx(9810 * (height - 0.025), rel=0.01) and number.verdict == "warn"
+
+
 @pytest.mark.parametrize("point, warns", [("[5.0, 5.0]", True), ("[0.2, 0.9]", False), ("[0.5, 1.05]", False)])
 def test_a_hinge_far_from_its_body_and_the_domain_is_told(point, warns):
     float_ = f"""{{ name = "float"; solid = true; body = {{ density = 500.0; hinge = {{ point = {point}; }}; }};
