@@ -46,7 +46,7 @@ def hpcpic(folder, *words):
     return subprocess.run(command, cwd=folder, env=environment(), capture_output=True, text=True, timeout=120)
 
 
-DRAW = "import hpcpic; run = hpcpic.open_run('a'); run.plot('energies')"
+DRAW = "import hpcpic; run = hpcpic.open_run('a'); run.plot('modes')"
 
 
 def python(folder, program):
@@ -62,7 +62,7 @@ def test_a_loader_from_a_file_runs_is_kept_and_goes_on_without_the_file(folder):
         "own.py": hashlib.sha256(LOADER.encode()).hexdigest()
     }
     (folder / "own.py").unlink()
-    for words in (("plot", "a", "energies"), ("report", "a")):
+    for words in (("plot", "a", "modes"), ("report", "a")):
         drawn = hpcpic(folder, *words)
         assert drawn.returncode == 0, drawn.stderr
     drawn = python(folder, DRAW)
