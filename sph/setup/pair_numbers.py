@@ -59,7 +59,7 @@ def pair_spec_of(config: SphConfig, others: bool, films: bool = False) -> PairSp
         walls=others,
         without_volume=all(rule.repulsive for rule in rules),
         tensile=numerics.tensile_correction > 0,
-        shifting=numerics.shifting,
+        shifting=bool(numerics.shifting),
         corrected=numerics.gradient_correction,
         by_mass=numerics.continuity == "masses",
         moments=config.output.moments,

@@ -299,7 +299,8 @@ def _fields_1d(run: Run, snapshots: Fields, number: int) -> Figure:
             top = rows.pop(0)
             history = np.array([_along_x(run, shown, int(s)) for s in snapshots.steps[held]])
             limit = float(np.abs(history).max()) or 1.0
-            mesh = top.pcolormesh(x, snapshots.times[held], history, cmap=SIGNED, vmin=-limit, vmax=limit, rasterized=True)
+            seen = {"cmap": SIGNED, "vmin": -limit, "vmax": limit, "rasterized": True}
+            mesh = top.pcolormesh(x, snapshots.times[held], history, **seen)
             top.axhline(snapshots.times[number], color=INK, linewidth=0.8)
             top.grid(visible=False)
             figure.colorbar(mesh, ax=top, label=axis_label(shown, snapshots.units[shown]), pad=0.02)
