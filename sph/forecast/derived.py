@@ -21,7 +21,7 @@ from sph.setup.mirror_groups import most_images
 from sph.setup.obstacles import DOMAIN, too_near
 from sph.setup.scene import FluidSet, Scene, Wall
 from sph.setup.signed_distance import signed_distance
-from sph.setup.speeds import heights_of, motion_speed, overdamped
+from sph.setup.speeds import heights_of, lost_in_a_period, motion_speed
 from sph.setup.tanks import edge, ends
 
 SMALL = 6  # spacings across a repulsive body, below which the force on it is off by more than a tenth
@@ -181,7 +181,8 @@ def resolution(config: SphConfig) -> Iterator[Derived]:
         corrected = config.numerics.gradient_correction
         error = CORRECTED_WAVE[1] if corrected else round(float(np.interp(ratio, *LONG_WAVES)), 1)
         source = "one of 0.3 of the depth after 13 depths, 20 layers, measured; h/dp 2 or gradient_correction cures it"
-        if ratio >= (CORRECTED_WAVE[0] if corrected else LONG_WAVES[0][0]) * (1 - 1e-9) and not overdamped(config):
+        seen = CORRECTED_WAVE[0] if corrected else LONG_WAVES[0][0]
+        if ratio >= seen * (1 - 1e-9) and lost_in_a_period(config) <= 1.0:
             yield Derived("error of the speed of a solitary wave", "", error, "%", source=source)
 
 

@@ -9,6 +9,7 @@ from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived, Verdict, judged
 from sph.case import geometry
 from sph.case.config import AXES, SphConfig
+from sph.forecast.damping import damping
 from sph.forecast.friction import friction
 from sph.forecast.size import longest
 from sph.forecast.slips import slips
@@ -57,6 +58,7 @@ def sensible(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     yield from weightless(config)
     yield from rigid_bodies(scene)
     yield from friction(config, scene)
+    yield from damping(config)
     yield from films(scene)
     yield from slots(scene)
     yield from openings(config, scene)

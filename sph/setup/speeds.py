@@ -43,16 +43,16 @@ def heights_of(config: SphConfig, fluid: Fluid | Wall) -> list[float]:
     return [-sum(a * b for a, b in zip(corner, config.gravity)) / g for corner in geometry.corners(fluid.shape)]
 
 
-def overdamped(config: SphConfig) -> bool:
-    """True if viscosity takes a wave on the fluid, as long as it is deep, to 1/e within a period: exp(-2 nu k^2 t)
-    (Lamb, Hydrodynamics, 348).
+def lost_in_a_period(config: SphConfig) -> float:
+    """2 nu k^2 T of a wave on the fluid, as long as it is deep: viscosity takes it to exp(- that) within its period
+    (Lamb, Hydrodynamics, 348). 0 without a fluid.
     """
     heights = [height for fluid in config.fluid for height in heights_of(config, fluid)]
     if not heights:
-        return False
+        return 0.0
     k = 2 * math.pi / (max(heights) - min(heights))
     period = 2 * math.pi / math.sqrt(math.hypot(*config.gravity) * k)
-    return 2 * physical_viscosity(config) * k * k * period > 1.0
+    return 2 * physical_viscosity(config) * k * k * period
 
 
 def fastest(config: SphConfig, inlet: Inlet) -> float:
