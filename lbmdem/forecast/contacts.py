@@ -14,7 +14,7 @@ from lbmdem.case.config import ACCURATE, GrainSet, LbmDemConfig, contact_law, co
 from lbmdem.forecast.estimate import phases
 from lbmdem.forecast.films import films
 from lbmdem.forecast.free_fall import impact_speed
-from lbmdem.forecast.node_shares import LOOSE, grains, volume
+from lbmdem.forecast.piles import heap, layers_at_rest, standing, weight_in_fluid
 from lbmdem.forecast.rates import DEFAULT
 from lbmdem.setup.overlap_survey import survey
 
@@ -22,7 +22,7 @@ DEAR_SUBSTEPS = 1000  # of the contacts in a step of the fluid, which take longe
 MAX_SUBSTEPS = 100_000
 CHAINS = 4.0  # times the mean overlap below a bed: its deepest, measured 2.5 (equal discs) to 3.8 (1 : 1.5)
 PILE = 2.0  # layers of grains, from which on they lie on each other
-REPOSE = 0.4  # slope of a heap
+UNEVEN = 1.25  # times the mean weight on a floor: from there on it is a pile's; in even beds columns of up to 1.16 are
 WAYS = 5  # along each axis, of a lattice of directions
 
 
@@ -54,7 +54,7 @@ def substeps(config: LbmDemConfig) -> Derived:
         step = phases(config, 1, 1, DEFAULT, 1)
         softer = config.contact.normal_stiffness * (DEAR_SUBSTEPS / number) ** 2
         note = f"contact.normal_stiffness = {softer:.2g} takes {DEAR_SUBSTEPS}, and overlaps grow as its inverse"
-        rest = max((overlap_at_rest(config, group)[0] for group in config.grains if group.moving), default=0.0)
+        rest = max(overlap_at_rest(config, i)[0] for i in range(len(config.grains)))
         note += f", at rest to {rest * config.contact.normal_stiffness / softer:.2g}" if rest else ""
         spent = step["grains"]
         note += f"; now they take about {spent:.2g} s of a step, {spent / sum(step.values()):.0%} of it"
@@ -73,18 +73,17 @@ def overlaps(config: LbmDemConfig) -> Iterator[Derived]:
         size, stiffness = group.largest_diameter, config.contact.normal_stiffness
         mass = grain_mass(group, size, d)
         if gravity:
-            share, layers, weight = overlap_at_rest(config, group)
+            share, layers, source = overlap_at_rest(config, i)
+            weight = abs(weight_in_fluid(config, group, size))
             enough = layers * weight / (0.01 * size)  # 0 for what neither sinks nor rises
             cure = f"normal_stiffness = {rounded_up(enough):g} gives 1 % for {group.name}" if enough else ""
-            source = "weight of one layer of grains"
-            if layers > 1.0:
-                source = f"weight of {layers:.3g} layers of grains, in the mean"
             yield overlap("overlap at rest", share, source, cure, key, forceable=share < 1.0)  # else it falls through
             if layers >= PILE:
                 source = "chains of forces; a case that starts from its arrays is warned beyond 1 %"
                 yield Derived("deepest overlap at rest", "delta/d", CHAINS * share, source=source)
             if law.friction and law.viscosity and not law.shear:
-                yield from creep(config, group, max(layers, heap(group.count, d)), weight / size)
+                high = max(layers_at_rest(config, group), heap(group.count, d))
+                yield from creep(config, group, high, weight / size)
         how = "free fall" if gravity else "its speed at the start, against a wall or a grain that stays"
         falls = deepest_overlap(impact_speed(config, i), mass, law) / size, how
         share, how = max(falls, (pairs[i], "two grains that meet"))
@@ -95,13 +94,20 @@ def overlaps(config: LbmDemConfig) -> Iterator[Derived]:
             yield overlap("overlap at impact", share, f"linear spring and dashpot, {how}", cure, key, told_only=free)
 
 
-def overlap_at_rest(config: LbmDemConfig, group: GrainSet) -> tuple[float, float, float]:
-    """The mean overlap, over the diameter, below all layers of a set that lies on the floor; the number of layers, and
-    the weight of a grain in the fluid, N."""
-    density, size = config.liquid.density if config.fluid else 0.0, group.largest_diameter
-    layers = layers_at_rest(config, group)
-    weight = grain_mass(group, size, config.dimensions) * math.hypot(*config.gravity) * abs(1 - density / group.density)
-    return layers * weight / config.contact.normal_stiffness / size, layers, weight
+def overlap_at_rest(config: LbmDemConfig, i: int) -> tuple[float, float, str]:
+    """The mean overlap, over the diameter, below all layers of a set that lies on the floor, or below the highest pile
+    of grains that stand on each other at the start; the layers, and what they are. 0 of grains that stay."""
+    group, size = config.grains[i], config.grains[i].largest_diameter
+    weight = abs(weight_in_fluid(config, group, size))
+    if not group.moving or not weight:
+        return 0.0, 1.0, ""
+    layers, piled = layers_at_rest(config, group), standing(config)[i] / weight
+    source = "weight of one layer of grains"
+    if piled > UNEVEN * layers:
+        layers, source = piled, f"weight of {piled:.3g} grains that stand on each other at the start"
+    elif layers > 1.0:
+        source = f"weight of {layers:.3g} layers of grains, in the mean"
+    return layers * weight / config.contact.normal_stiffness / size, layers, source
 
 
 def overlaps_of_pairs(config: LbmDemConfig) -> list[float]:
@@ -142,22 +148,6 @@ def creep(config: LbmDemConfig, group: GrainSet, layers: float, weight: float) -
             limit="<= 1", source="T = beta v below mu N", key=("contact", "tangential"),
             cure='a slope flows on like a thick liquid; tangential = "history" lets it come to rest',
         )  # fmt: skip
-
-
-def heap(count: float, d: int) -> float:
-    """How many diameters high so many grains lie where nothing but the slope of repose holds them: a wedge, a cone."""
-    filled = 1.0 - LOOSE[d]
-    wedge, cone = math.pi / 4.0 * REPOSE / filled, 0.5 * REPOSE**2 / filled
-    return math.sqrt(wedge * count) if d == 2 else math.cbrt(cone * count)
-
-
-def layers_at_rest(config: LbmDemConfig, group: GrainSet) -> float:
-    """How many diameters high the grains of a set lie on the floor of the box, loosely packed, but at least one."""
-    d, down = config.dimensions, int(np.argmax(np.abs(config.gravity)))
-    size, height = group.largest_diameter, config.domain.size[down]
-    solid = config.spacing**d * sum(n * volume(r, d) for r, n in grains(config, group))
-    floor = math.prod(config.domain.size) / height
-    return max(1.0, min(group.count, height / size, solid / (floor * (1.0 - LOOSE[d]) * size)))
 
 
 def overlap_at_start(config: LbmDemConfig) -> Iterator[Derived]:

@@ -1,0 +1,92 @@
+"""What lies on the lowest grains of a bed, a pile or a column, from the case alone."""
+
+import math
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lbmdem.case.config import AXES, GrainSet, LbmDemConfig, grain_mass
+from lbmdem.forecast.node_shares import LOOSE, grains, volume
+from lbmdem.setup.overlap_survey import packing_ends
+
+REPOSE = 0.4  # slope of a heap
+APART = 1.5  # sums of two radii between heights of centres, beyond which the upper grain does not stand on the lower
+MOST_TRIED = 1000  # of the lowest grains of a set, and MOST_PAIRS of them with those above
+MOST_PAIRS = 20_000_000
+
+
+def weight_in_fluid(config: LbmDemConfig, group: GrainSet, size: float) -> float:
+    """Weight of a grain of this diameter less its buoyancy, N (N/m in 2D); negative of one that rises."""
+    lighter = 1.0 - (config.liquid.density if config.fluid else 0.0) / group.density
+    return grain_mass(group, size, config.dimensions) * math.hypot(*config.gravity) * lighter
+
+
+def heap(count: float, d: int) -> float:
+    """How many diameters high so many grains lie where nothing but the slope of repose holds them: a wedge, a cone."""
+    filled = 1.0 - LOOSE[d]
+    wedge, cone = math.pi / 4.0 * REPOSE / filled, 0.5 * REPOSE**2 / filled
+    return math.sqrt(wedge * count) if d == 2 else math.cbrt(cone * count)
+
+
+def layers_at_rest(config: LbmDemConfig, group: GrainSet) -> float:
+    """How many diameters high the grains of a set lie on the floor, loosely packed, but at least one: on that of the
+    box, or what planes leave of it to a packing."""
+    d, down = config.dimensions, int(np.argmax(np.abs(config.gravity)))
+    size, height = group.largest_diameter, config.domain.size[down]
+    solid = config.spacing**d * sum(n * volume(r, d) for r, n in grains(config, group))
+    floor = math.prod(config.domain.size) / height
+    if group.packing is not None and down == d - 1:
+        ends, tops = packing_ends(config, group)
+        floor = math.prod(top - end for end, top in zip(ends[:-1], tops))
+    return max(1.0, min(group.count, height / size, solid / (floor * (1.0 - LOOSE[d]) * size)))
+
+
+@lru_cache(maxsize=8)  # many grains take a while
+def standing(config: LbmDemConfig) -> list[float]:
+    """The largest weight (N, in 2D N/m) on the floor below a grain of each set, its own and that of those which stand
+    above it at the start, of each what lies in its shadow; 0 of sets without positions, and of those that stay."""
+    d, down, length = config.dimensions, int(np.argmax(np.abs(config.gravity))), np.array(config.domain.size)
+    found, across = [0.0] * len(config.grains), [k for k in range(d) if k != down]
+    sets = [i for i, group in enumerate(config.grains) if group.moving and len(group.centres)]
+    if not sets:
+        return found
+    rows = [sized(config, config.grains[i]) for i in sets]
+    x, radius, weight = (np.concatenate([row[k] for row in rows]) for k in range(3))
+    of = np.repeat(sets, [len(row[1]) for row in rows])
+    height = -math.copysign(1.0, config.gravity[down]) * np.sign(weight) * x[:, down]
+    around = np.array([AXES[k] in config.domain.periodic for k in across])
+    most = min(MOST_TRIED, math.ceil(MOST_PAIRS / len(x)))
+    for i in sets:
+        own = np.flatnonzero(of == i)
+        for g in own[np.argsort(height[own], kind="stable")[:most]]:
+            away = x[:, across] - x[g, across]
+            away -= np.where(around, length[across] * np.rint(away / length[across]), 0.0)
+            distance = np.sqrt((away * away).sum(axis=1))
+            above = (height >= height[g]) & (weight * weight[g] > 0.0) & (distance < radius + radius[g])
+            pile = np.flatnonzero(above)[np.argsort(height[above], kind="stable")]
+            gaps = np.diff(height[pile]) > APART * (radius[pile][1:] + radius[pile][:-1])
+            pile = pile[: int(np.argmax(gaps)) + 1] if gaps.any() else pile
+            share = in_shadow(distance[pile], radius[pile], float(radius[g]), d)
+            found[i] = max(found[i], float(np.sum(share * np.abs(weight[pile]))))
+    return found
+
+
+def sized(config: LbmDemConfig, group: GrainSet) -> tuple[NDArray, NDArray, NDArray]:
+    """Centres [n, d] (m), radii [n] (m) and weights [n] of a set; a law of diameters counts by its mean ones."""
+    x, own = np.array(group.centres, np.float64), group.own_diameters
+    if own is None:
+        solid = sum(n * volume(r * config.spacing, config.dimensions) for r, n in grains(config, group))
+        mean = (solid / group.count / volume(0.5, config.dimensions)) ** (1.0 / config.dimensions)
+        own = np.full(len(x), mean)
+    unit = weight_in_fluid(config, group, 1.0)
+    return x, 0.5 * own, unit * own**config.dimensions
+
+
+def in_shadow(distance: NDArray, radius: NDArray, r: float, d: int) -> NDArray[np.float64]:
+    """The share of grains of these radii that lies above one of radius r, whose axis is so far from theirs: that of two
+    equal intervals or circles that overlap, of the smaller where they differ, and of the larger one its part."""
+    least = np.minimum(radius, r)
+    s = np.clip((distance - np.abs(radius - r)) / (2.0 * least), 0.0, 1.0)
+    lens = 1.0 - s if d == 2 else (np.arccos(s) - s * np.sqrt(1.0 - s * s)) * 2.0 / math.pi
+    return lens * (least / radius) ** (d - 1)

@@ -1,0 +1,94 @@
+"""What check tells of the weight below piles, columns and beds: that of the grains above, whatever the floor."""
+
+import math
+
+import numpy as np
+import pytest
+from app_runner import running
+
+from hpcpic.core.case.config import loads
+from lbmdem.configure import configure
+from lbmdem.forecast.derived import derived
+
+DRY = """
+simulation = { end_time = 0.3; };
+domain = { size = [WIDE, 0.04]; };
+grains = ({ density = 2500.0; diameter = 1.0e-3; position = (PLACES); });
+contact = { normal_stiffness = 4000.0; };
+gravity = [0.0, -9.81];
+"""
+WEIGHT = 2500.0 * math.pi / 4.0 * 1e-6 * 9.81 / 4000.0 / 1e-3  # of a disc: its overlap over its diameter
+
+
+def told(text, name="overlap at rest", *sets):
+    return next((one for one in derived(configure(loads(text, sets=sets))) if one.name == name), None)
+
+
+def dry(places, wide=0.03):
+    return DRY.replace("WIDE", str(wide)).replace("PLACES", ", ".join(map(str, places)))
+
+
+def hexagonal(across, high, left=0.0, d=1.0e-3):
+    """Rows of discs of d, each above the gaps of the one below."""
+    rise = 0.5 * math.sqrt(3.0) * d * 1.001
+    return [[left + d * (i + 0.5 + 0.5 * (k % 2)), 0.5 * d + rise * k] for k in range(high) for i in range(across)]
+
+
+@pytest.mark.parametrize("dimensions", [2, 3])
+@pytest.mark.parametrize("pull, density", [(-9.81, 0.0), (9.81, 0.0), (-9.81, 4000.0)])
+def test_the_lowest_of_a_stack_bears_all_of_it(dimensions, pull, density):
+    """Also upside down, and where a fluid lifts it."""
+    aside = dimensions - 1
+    text = dry([[0.01] * aside + [1e-3 * (k + 0.5)] for k in range(10)])
+    text = text.replace("[0.03, 0.04]", str([0.02] * dimensions)).replace("[0.0, -9.81]", str([0.0] * aside + [pull]))
+    if density:
+        text = text.replace("02]; }", "02]; spacing = 1.0e-4; }")
+        text += f"fluid = {{ density = {density}; kinematic_viscosity = 1.0e-5; }};"
+    volume = math.pi / 4.0 * 1e-6 if dimensions == 2 else math.pi / 6.0 * 1e-9
+    rest = 10.0 * abs(2500.0 - density) * volume * 9.81 / 4000.0 / 1e-3
+    assert told(text).value == pytest.approx(rest, rel=1e-9) and "10 grains that stand" in told(text).source
+
+
+def test_a_column_of_discs_bears_its_height_on_any_floor():
+    """Five discs across and ten high: not the 1.6 layers of all of them over a floor of 30 diameters."""
+    narrow, wide = (told(dry(hexagonal(5, 10, 0.005), size)).value for size in (0.02, 0.2))
+    assert narrow == wide == pytest.approx(10.0 * WEIGHT, rel=0.03)
+    assert told(dry(hexagonal(5, 10, 0.005)), "deepest overlap at rest").value == pytest.approx(4.0 * narrow)
+
+
+def test_below_a_wide_even_bed_lies_what_its_layers_weigh():
+    """Of 29 discs a row in their densest order, and loosely in none."""
+    rng, places = np.random.default_rng(3), np.zeros((0, 2))
+    for x in np.column_stack([rng.uniform(5e-4, 0.0295, 10_000), np.linspace(5e-4, 0.012, 10_000)]):
+        if ((places[-60:] - x) ** 2).sum(axis=1).min(initial=1.0) > 1.02e-6:
+            places = np.vstack([places, x])
+    for bed in (hexagonal(29, 10), places.tolist()):
+        even = len(bed) * math.pi / 4.0 * 1e-6 / (0.03 * 0.8 * 1e-3) * WEIGHT
+        assert told(dry(bed)).value == pytest.approx(even, rel=1e-9) and "in the mean" in told(dry(bed)).source
+
+
+def test_grains_apart_do_not_stand_on_each_other():
+    """Those that fall from far above each other settle side by side."""
+    places = [[0.015, 5e-4 + 2e-3 * k] for k in range(10)]
+    assert told(dry(places)).value == pytest.approx(WEIGHT, rel=1e-9)
+
+
+def test_a_packing_between_planes_lies_on_what_they_leave_of_the_floor():
+    """As high as between the sides of a box that is as narrow."""
+    packed = "diameters = { min = 0.9e-3; max = 1.1e-3; count = 200; }; packing = { low = 0.0; };"
+    text = DRY.replace("diameter = 1.0e-3; position = (PLACES);", packed)
+    planes = (f"{{ shape = {{ plane = {{ point = [{x}, 0.0]; normal = [{way}, 0.0]; }}; }}; }}"
+              for x, way in ((0.01, 1.0), (0.02, -1.0)))  # fmt: skip
+    between = text.replace("WIDE", "0.03") + f"obstacle = ({', '.join(planes)});"
+    assert told(between).value == pytest.approx(told(text.replace("WIDE", "0.01")).value, rel=1e-9)
+    assert told(between).value == pytest.approx(3.0 * told(text.replace("WIDE", "0.03")).value, rel=1e-9)
+
+
+def test_a_stack_that_runs_overlaps_as_told(world):
+    """Five discs in a column that sides hold."""
+    places = [[5e-4, 1e-3 * (k + 0.5)] for k in range(5)]
+    text = dry(places, 0.001).replace("4000.0;", "4.0e4; damping = 0.7; friction = 0.0;")
+    with running(world, "lbmdem", text) as app:
+        while app.time < 0.02:
+            app.step()
+        assert app.scalars()["overlap"] == pytest.approx(told(text).value, rel=0.01)
