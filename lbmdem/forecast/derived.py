@@ -12,7 +12,7 @@ from hpcpic.core.files.start import arrays
 from lbmdem.case.config import AXES, Diameters, GrainSet, LbmDemConfig, whole_spacing
 from lbmdem.forecast.contacts import contacts, overlap_at_start
 from lbmdem.forecast.driven import between_faces, driven, steady
-from lbmdem.forecast.free_fall import falling, unheld
+from lbmdem.forecast.free_fall import falling, landing, screen, unheld
 from lbmdem.forecast.node_shares import LOOSE
 from lbmdem.forecast.plan import grain_count
 from lbmdem.forecast.relaxation import SPACING, grid_reynolds, key_of_tau, relaxation, slower
@@ -169,6 +169,7 @@ def grains(config: LbmDemConfig) -> Iterator[Derived]:
     yield from fits(config)
     yield from overlap_at_start(config)
     yield from packings(config)
+    yield from screen(config)
     yield from silo(config)
     for i, group in enumerate(config.grains):
         smallest = group.smallest_diameter
@@ -334,6 +335,8 @@ def silo(config: LbmDemConfig) -> Iterator[Derived]:
     ratio = 1.0 - math.sin(math.atan(friction))
     for i, group in enumerate(config.grains):
         if group.packing is None or not group.moving:
+            continue
+        if group.packing.low > landing(config, group) + group.largest_diameter:  # it falls, and lies on no floor
             continue
         law, d = group.law, config.dimensions
         height = law_volume(law, d) / (1.0 - (group.packing.porosity or LOOSE[d])) / math.prod(config.domain.size[:-1])

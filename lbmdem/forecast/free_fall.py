@@ -10,10 +10,10 @@ from hpcpic.core.case.derived import Derived, judged
 from hpcpic.core.space.products import product
 from lbmdem.case.config import AXES, GrainSet, LbmDemConfig
 from lbmdem.forecast.node_shares import grains, volume
-from lbmdem.forecast.relaxation import OTHER_COLLISION, SPACING, key_of_tau, slower
+from lbmdem.forecast.relaxation import SPACING, key_of_tau, other_collision, slower
 from lbmdem.physics.collision import COLLISIONS
 from lbmdem.physics.velocity_sets import CS2
-from lbmdem.setup.box_walls import cover, floor_height
+from lbmdem.setup.box_walls import below, cover, floor_height, sample_height
 
 BALANCE = 1e-3  # of the forces on a box that are left over: what is still called a balance
 FAR_BEYOND = 10.0  # times the limit of the grid Reynolds number: a bed falls slower than a grain alone, but not so much
@@ -74,9 +74,9 @@ def speed_through(config: LbmDemConfig, a: float) -> float:
 
 
 def impact_speed(config: LbmDemConfig, i: int) -> float:
-    """Speed (m/s) at which a grain of a set meets what is below: that of its start and of its fall, in a fluid at most
-    its terminal one. The highest of given positions falls to the wall or a plane, the lowest of a packing to what lies
-    below. Who falls longer than the run meets nothing in it.
+    """Speed (m/s) at which a grain of a set meets what is below: that of its start and of its fall, in a fluid the
+    larger of its start's and its terminal one at most. The highest of given positions falls to the wall or a plane, the
+    lowest of a packing to what lies below. Who falls longer than the run meets nothing in it.
     """
     group, pull = config.grains[i], math.hypot(*config.gravity)
     below = [k for k, g in enumerate(config.gravity) if abs(g) > 0.5 * pull and AXES[k] not in config.domain.periodic]
@@ -94,8 +94,8 @@ def impact_speed(config: LbmDemConfig, i: int) -> float:
     end = config.simulation.end_time
     met = (heights > 0.0) & (heights <= speeds * end + 0.5 * pull * end**2)
     falls = np.sqrt(2.0 * pull * np.where(met, heights, 0.0))
-    if config.fluid:
-        falls = np.minimum(falls, terminal_speed(config, i))
+    if config.fluid:  # which brakes what is faster than its terminal speed
+        return float(np.maximum(speeds, np.minimum(falls, terminal_speed(config, i))).max(initial=0.0))
     return float(np.hypot(speeds, falls).max(initial=0.0))
 
 
@@ -146,6 +146,22 @@ def landing(config: LbmDemConfig, group: GrainSet) -> float:
     return float(height.min())
 
 
+def screen(config: LbmDemConfig) -> Iterator[Derived]:
+    """The screen that the lower end of a packing is, or why there is none where the case may count on it."""
+    low, d = sample_height(config), config.dimensions
+    if not low or cover(config) >= low * (1.0 - 1e-9) or AXES[d - 1] in config.domain.periodic:
+        return
+    i, lows = below(config, low), [g.packing.low if g.packing and g.moving else math.inf for g in config.grains]
+    name = "" if i is None else config.grains[i].name or f"grains_{i + 1}"
+    yield judged(
+        "screen for grains that move", "z", floor_height(config), unit="m", legal=True,
+        ok=i is None or not config.grains[i].moving, limit=f"{low:g}, as packing.low says",
+        source=f"none: {name} starts below it" if name else "the lowest packing.low of grains that move",
+        cure=f"all grains fall to the floor, as {name} starts below {low:g} m: put it above, or a row of grains with "
+        "moving = false there", key=("grains", lows.index(min(lows)), "packing", "low"),
+    )  # fmt: skip
+
+
 def falling(config: LbmDemConfig, i: int) -> Iterator[Derived]:
     """Speed, Mach and Reynolds numbers of a grain that falls or rises alone, which a bed seldom reaches."""
     v, fluid, dx = terminal_speed(config, i), config.liquid, config.spacing
@@ -167,7 +183,7 @@ def falling(config: LbmDemConfig, i: int) -> Iterator[Derived]:
     yield judged(
         "grid Reynolds number of a lone grain", "v dx/nu", grid, ok=grid <= most, legal=grid <= FAR_BEYOND * most,
         limit=f"<= {most:g}, {FAR_BEYOND * most:g} at all" if math.isfinite(most) else "none",
-        source=f"{source}; shear layer, measured", cure=OTHER_COLLISION, key=SPACING, forceable=True,
+        source=f"{source}; shear layer, measured", cure=other_collision(config), key=SPACING, forceable=True,
     )  # fmt: skip
     if reynolds > 1.0:
         layer = LAYER * size / dx / math.sqrt(reynolds)

@@ -10,12 +10,23 @@ from lbmdem.physics.collision import COLLISIONS
 
 TAU = ("fluid", "relaxation_time")
 SPACING = ("domain", "spacing")
-OTHER_COLLISION = 'collision = "central" has no such limit; a finer spacing lowers it'
+CENTRAL = 'collision = "central" has no such limit'
+BRAKES = ", but brakes grains in gaps of a node"
 # The grid Reynolds number up to which a flow past a cylinder of 10 nodes holds for 3 s, and one that diverges, measured
 PAST_SOLIDS = {"TRT": (7.5, 10.0), "BGK": (3.75, 7.5)}
 # Error of the mean velocity of a channel of 16 nodes with half-way walls, measured by tau: BGK
 SLIP = ((1.2, 5e-3), (1.5, 2.3e-2), (2.0, 5.9e-2), (3.0, 0.17), (5.0, 0.57), (10.0, 2.0))
 LEAST_EXCESS = 1e-12  # of tau over 1/2: of less, rounding leaves fewer than four digits of the viscosity
+
+
+def unlimited(config: LbmDemConfig) -> str:
+    """What central moments have no limit of, and what they are not for."""
+    return CENTRAL + (BRAKES if any(group.moving for group in config.grains) else "")
+
+
+def other_collision(config: LbmDemConfig) -> str:
+    """The ways to a lower grid Reynolds number, or to none that matters."""
+    return f"{unlimited(config)}; a finer spacing lowers it"
 
 
 def key_of_tau(config: LbmDemConfig) -> Path:
@@ -52,7 +63,7 @@ def grid_reynolds(config: LbmDemConfig, value: float) -> Derived:
     shear layer without walls bears.
     """
     most = COLLISIONS[config.liquid.collision].grid_reynolds
-    limit, best, cure = f"<= {most:g}" if math.isfinite(most) else "none", most / 2, OTHER_COLLISION
+    limit, best, cure = f"<= {most:g}" if math.isfinite(most) else "none", most / 2, other_collision(config)
     source = "doubly periodic shear layer, measured (tests/validation)"
     if math.isfinite(most) and (config.grains or config.obstacle):
         best, diverges = PAST_SOLIDS[config.liquid.collision]
@@ -60,7 +71,7 @@ def grid_reynolds(config: LbmDemConfig, value: float) -> Derived:
         source = f"measured past a cylinder, {config.liquid.collision}: {diverges:g} diverges, {best:g} holds"
         least = config.spacing * best / value
         finer = whole_spacing(config.domain.size, least) or rounded_down(least)
-        cure = f'collision = "central" has no such limit; domain.spacing = {finer:.9g} is fine enough'
+        cure = f"{unlimited(config)}; domain.spacing = {finer:.9g} is fine enough"
     return judged(
         "grid Reynolds number", "U dx/nu", value, ok=value <= best * (1 + 1e-9), legal=value <= most, limit=limit,
         source=source, cure=cure, key=SPACING, forceable=True,

@@ -31,12 +31,32 @@ def box_walls(scene: Scene) -> list[PlaneWall]:
 
 
 def floor_height(config: LbmDemConfig) -> float:
-    """Where grains end below along the last axis (m): a screen under a sample, through which the fluid passes; 0 where
-    planes among the obstacles keep all grains above it.
+    """Where grains end below along the last axis (m): a screen under the lowest sample that moves, through which the
+    fluid passes; 0 where planes among the obstacles keep all grains above it, or a grain of another set starts below.
     """
-    samples = [grains.packing.low for grains in config.grains if grains.packing and grains.moving]
-    low = max(0.0, min(samples)) if samples and len(samples) == len(config.grains) else 0.0
-    return 0.0 if cover(config) >= low * (1.0 - 1e-9) else low
+    low = sample_height(config)
+    return 0.0 if cover(config) >= low * (1.0 - 1e-9) or below(config, low) is not None else low
+
+
+def sample_height(config: LbmDemConfig) -> float:
+    """The lowest end (m) of the packings that move, 0 without any."""
+    return max(0.0, min((group.packing.low for group in config.grains if group.packing and group.moving), default=0.0))
+
+
+def below(config: LbmDemConfig, height: float) -> int | None:
+    """A set with a grain that starts below this height (m), one that moves if there is one: a screen would throw it
+    out, and what stays there is what a sample is to fall on."""
+    found = None
+    for i, group in enumerate(config.grains):
+        if group.packing is not None:
+            lowest = group.packing.low
+        else:
+            own = group.own_diameters
+            radius = 0.5 * (group.smallest_diameter if own is None else own)
+            lowest = float((np.array(group.centres, np.float64).reshape(-1, config.dimensions)[:, -1] - radius).min())
+        if lowest < height * (1.0 - 1e-9) and (found is None or group.moving):
+            found = i
+    return found
 
 
 def cover(config: LbmDemConfig) -> float:

@@ -6,6 +6,7 @@ from dem_scenes import box, grains
 
 from hpcpic.core.case.config import loads
 from lbmdem.configure import configure
+from lbmdem.forecast.derived import derived
 from lbmdem.forecast.free_fall import impact_speed
 from lbmdem.grains.contact_network import wall_force
 from lbmdem.grains.dem import Dem
@@ -39,6 +40,27 @@ def test_a_screen_is_there_where_no_plane_covers_it(low, slope, screen):
     walls = walls_of(low, slope)
     assert walls[2].point == (0.0, 0.0, low if screen else 0.0)
     assert [wall.film for wall in walls] == [True, True, not screen, True, True]
+
+
+@pytest.mark.parametrize(
+    ("height", "more", "screen", "verdict"),
+    [
+        (1.1e-3, "", True, "ok"),
+        (1.1e-3, "moving = false;", True, "ok"),
+        (0.9e-3, "", False, "warn"),
+        (0.9e-3, "moving = false;", False, "ok"),
+    ],
+)
+def test_a_screen_is_there_beside_sets_of_their_own_places_above_it(height, more, screen, verdict):
+    """One that starts below would be thrown out, and a fixed one is what the sample is to fall on: check says so."""
+    ball = f"{{ diameter = 4.0e-4; position = [2.0e-3, 2.0e-3, {height!r}]; {more} }} );"
+    text = SHEARED.replace("LOW", "8.0e-4").replace("SLOPE", "0.0")
+    head, tail = text.rsplit("} );", 1)
+    config = configure(loads(f"{head}}}, {ball}{tail}"))
+    assert box_walls(Scene(config))[2].point == (0.0, 0.0, 8.0e-4 if screen else 0.0)
+    told = next(one for one in derived(config) if one.name == "screen for grains that move")
+    assert (told.value, told.verdict) == (8.0e-4 if screen else 0.0, verdict)
+    assert verdict == "ok" or ("grains_2" in told.cure and told.key == ("grains", 0, "packing", "low"))
 
 
 @pytest.mark.parametrize("d", [2, 3])

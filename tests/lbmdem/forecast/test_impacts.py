@@ -1,0 +1,88 @@
+"""What check tells of grains that strike in a fluid: how deep, and what central moments make of the gaps before."""
+
+import math
+
+import pytest
+from app_runner import running
+
+from hpcpic.core.case.config import loads
+from hpcpic.core.physics.contact_law import deepest_overlap
+from lbmdem.case.config import contact_law
+from lbmdem.configure import configure
+from lbmdem.forecast.derived import derived
+
+BALL = """
+simulation = { end_time = 0.2; };
+domain = { size = [0.016, 0.016, 0.016]; spacing = 5.0e-4; };
+fluid = { density = 1000.0; kinematic_viscosity = 1.0e-5; time_step = 8.0e-5; };
+grains = ({ diameter = 5.0e-3; density = 7800.0; position = [0.008, 0.008, 0.01]; velocity = [0.0, 0.0, -0.35]; });
+contact = { normal_stiffness = 80.0; damping = 0.02; };
+"""
+IMPACT = "overlap at impact"
+
+
+def told(text, name, *sets):
+    return next((one for one in derived(configure(loads(text, sets=sets))) if one.name == name), None)
+
+
+def test_a_ball_thrown_in_a_fluid_meets_the_wall_with_its_speed_at_most():
+    """As deep as without the film, which is said, and refuses nothing; a stiffness that is told is enough."""
+    one, mass = told(BALL, IMPACT), 7800.0 * math.pi / 6.0 * 5.0e-3**3
+    deepest = deepest_overlap(0.35, mass, contact_law(configure(loads(BALL)))) / 5.0e-3
+    assert one.value == pytest.approx(deepest, rel=1e-12) and one.verdict == "warn"
+    assert "speed at the start, 0.35 m/s, at most" in one.source
+    stiffness = float(one.cure.partition(" = ")[2].split()[0])
+    assert told(BALL, IMPACT, f"contact.normal_stiffness={1.1 * stiffness}") is None
+
+
+def test_a_ball_that_falls_in_a_fluid_meets_the_floor_with_its_terminal_speed_at_most():
+    """Or with that of its fall, if it is less, or of its start, if it is more."""
+    falls = "grains[0].velocity=[]", "gravity=[0.0, 0.0, -9.81]"
+    speed = told(BALL, "speed of grains_1, alone", *falls).value
+    low = math.sqrt(2.0 * 9.81 * 0.0075)
+    one = told(BALL, IMPACT, *falls)
+    assert "terminal speed" in one.source
+    assert one.value / told(BALL, IMPACT).value == pytest.approx(min(speed, low) / 0.35, rel=1e-9)
+    thrown = told(BALL, IMPACT, falls[1], "grains[0].velocity=[0.0, 0.0, -2.0]")
+    assert thrown.value / one.value == pytest.approx(2.0 / min(speed, low), rel=1e-9)
+
+
+@pytest.mark.parametrize("stokes, strikes", [(9.0, False), (11.0, True)])
+def test_a_film_brings_to_rest_what_strikes_at_a_low_stokes_number(stokes, strikes):
+    """Below ten (Gondret et al. 2002), of a wall and of a second ball; without films there is none that would."""
+    viscosity = f"fluid.kinematic_viscosity={7800.0 * 0.35 * 5.0e-3 / (9.0 * 1000.0 * stokes)}"
+    assert bool(told(BALL, IMPACT, viscosity)) == strikes
+    assert told(BALL, IMPACT, viscosity, "coupling.lubrication=false").verdict == "fail"
+    pair = "domain.periodic=[\"x\", \"y\", \"z\"]", "grains[0].position=([0.008, 0.008, 0.004], [0.008, 0.008, 0.012])"
+    assert told(BALL, IMPACT, viscosity, *pair) is None  # they move alike
+
+
+@pytest.mark.parametrize("tau", [0.51, 0.6])
+def test_the_flow_that_central_moments_let_through_a_gap_of_one_node_is_as_told(world, tau):
+    """Over that of a parabola, of which TRT lets 1.5 through at any relaxation time."""
+    nu = (tau - 0.5) / 3.0
+    gap = f"""
+        simulation = {{ end_time = 1e6; }}; domain = {{ size = [8.0, 1.0]; spacing = 1.0; periodic = ["x"]; }};
+        fluid = {{ density = 1.0; kinematic_viscosity = {nu!r}; time_step = 1.0; body_force = [{1e-3 * nu!r}, 0.0]; }};
+    """
+    flows = {}
+    for collision in ("TRT", "central"):
+        with running(world, "lbmdem", gap, (f'fluid.collision="{collision}"',)) as app:
+            while app.iteration < 1.2 / nu + 50.0:
+                app.step()
+            flows[collision] = app.scalars()["flow_rate_x"] / (1e-3 / 12.0)
+    step = (tau - 0.5) / 3.0 * 2.5e-7 / 1e-5
+    share = told(BALL, "flow through a gap of one node", 'fluid.collision="central"', f"fluid.time_step={step!r}").value
+    assert flows["central"] == pytest.approx(share, rel=0.02) and flows["TRT"] == pytest.approx(1.5, rel=1e-3)
+
+
+def test_central_moments_are_warned_of_where_grains_strike():
+    """Not where they rest, stay, or the relaxation time is large; the ways out of a limit say so too."""
+    name, central = "flow through a gap of one node", 'fluid.collision="central"'
+    assert told(BALL, name) is None and told(BALL, name, central, "coupling.frozen=true") is None
+    one = told(BALL, name, central)
+    assert one.verdict == "warn" and one.value == pytest.approx(4.0 * 3.0 * 1e-5 * 8e-5 / 2.5e-7, rel=1e-9)
+    for sets in (("grains[0].velocity=[]",), ("fluid.time_step=1.1e-3",)):
+        assert told(BALL, name, central, *sets).verdict == "ok"
+    past = told(BALL, "grid Reynolds number", "grains[0].velocity=[0.0, 0.0, -2.0]")
+    assert past.verdict == "fail" and "brakes grains in gaps" in past.cure
