@@ -122,7 +122,9 @@ class Diagnostics:
         """
         counts, table, unit = immersed.counts(), self._table, self._scene.units.force
         share = counts["fallbacks"] / max(1, counts["links"])
-        text = f"{share:.1%} of the links have no room for their rule, and follow a simpler one"
+        text = f"{share:.1%} of the links have no room for their wall rule, and follow a simpler one. Through a dense "
+        text += "array of spheres flowed 7 % too little with 16 % of the links, 45 % with 52 %; more nodes across "
+        text += "a grain, or gaps of two nodes or more, cure it"
         self._warn_once("links", share > WARN_FALLBACKS, text, step)
         force, walls = immersed.all_forces(len(table))[0] * unit, immersed.wall_forces()[0] * unit
         of_sets = [force[table.set == k].sum(axis=0) for k in range(len(self._scene.set_names))]

@@ -12,7 +12,7 @@ from hpcpic.core.files.start import arrays
 from lbmdem.case.config import AXES, Diameters, GrainSet, LbmDemConfig, whole_spacing
 from lbmdem.forecast.contacts import contacts, overlap_at_start
 from lbmdem.forecast.driven import between_faces, driven, steady
-from lbmdem.forecast.free_fall import falling, landing, screen, unheld
+from lbmdem.forecast.free_fall import falling, landing, released, screen, unheld
 from lbmdem.forecast.node_shares import LOOSE
 from lbmdem.forecast.plan import grain_count
 from lbmdem.forecast.relaxation import SPACING, grid_reynolds, key_of_tau, relaxation, slower
@@ -188,6 +188,8 @@ def grains(config: LbmDemConfig) -> Iterator[Derived]:
         if group.moving:
             yield from density_ratio(config, i, nodes)
             yield from falling(config, i)
+    if config.fluid:
+        yield from released(config)
     if config.fluid and not config.coupling.lubrication and any(group.moving for group in config.grains):
         cure = "lubrication = true adds what the lattice does not resolve in them"
         key = ("coupling", "lubrication")

@@ -10,6 +10,7 @@ from hpcpic.core.case.derived import Derived, judged
 from hpcpic.core.space.products import product
 from lbmdem.case.config import AXES, GrainSet, LbmDemConfig
 from lbmdem.forecast.node_shares import grains, volume
+from lbmdem.forecast.piles import standing, weight_in_fluid
 from lbmdem.forecast.relaxation import SPACING, key_of_tau, other_collision, slower
 from lbmdem.physics.collision import COLLISIONS
 from lbmdem.physics.velocity_sets import CS2
@@ -20,6 +21,7 @@ FAR_BEYOND = 10.0  # times the limit of the grid Reynolds number: a bed falls sl
 MOST_TRIED = 10_000  # points above which a fall is tried
 DRIFT = 0.25  # of the speed of a lone grain: beyond it a box that nothing holds is warned of, told is any
 PEAK = 4.0  # times the estimate of a flow past grains: wakes shelter the next grain, pores differ; measured up to 3.5
+SWING = 0.03  # of the speed of a grain, by sound
 LAYER = 1.13  # sqrt(Re) delta/D of the boundary layer where the flow divides (Schlichting & Gersten, ch. 5)
 
 
@@ -144,6 +146,36 @@ def landing(config: LbmDemConfig, group: GrainSet) -> float:
             met = (rise > 0.0) & (x[-1] < group.packing.low + r)
             height = np.where(met, np.maximum(height, lies), height)
     return float(height.min())
+
+
+def released(config: LbmDemConfig) -> Iterator[Derived]:
+    """By how much the speed of grains that begin to fall swings with the lowest sound between the walls below and
+    above: their weight F pulls at the fluid (mass M) at once, whose speed is then F/(M w), w = pi c_s/L, over theirs.
+    """
+    if not any(config.gravity) or config.coupling.frozen:
+        return
+    k = int(np.argmax(np.abs(config.gravity)))
+    opened = {face.face[0] for face in config.boundary if face.type != "wall"}.union(config.domain.periodic)
+    weights = [abs(weight_in_fluid(config, g, g.largest_diameter)) if g.moving else 0.0 for g in config.grains]
+    free = [i for i, own in enumerate(weights) if own and standing(config)[i] and standing(config)[i] < 1.5 * own]
+    if AXES[k] in opened or not free:
+        return
+    force = sum(whole_weight(config, config.grains[i]) for i in free)
+    sound = config.spacing / config.time_step * math.sqrt(CS2)
+    room = math.prod(config.domain.size) * config.liquid.density
+    speed = force / room * config.domain.size[k] / (math.pi * sound)
+    share = speed / min(terminal_speed(config, i) for i in free)
+    yield judged(
+        "swing of the speed of released grains", "F L/(pi c M v)", share, ok=share <= SWING, legal=True,
+        limit=f"<= {SWING:.0%}", source="lowest sound of the box, measured with a disc: 0.35 to 0.95 of it",
+        cure=f"relaxation_time = {slower(config, 0.9 * SWING / share)} makes sound fast enough; means over the period "
+        f"{2.0 * config.domain.size[k] / sound:.3g} s are right", key=key_of_tau(config),
+    )  # fmt: skip
+
+
+def whole_weight(config: LbmDemConfig, group: GrainSet) -> float:
+    """Weight of all grains of a set less their buoyancy, without its sign, N (N/m in 2D)."""
+    return sum(n * abs(weight_in_fluid(config, group, 2.0 * r * config.spacing)) for r, n in grains(config, group))
 
 
 def screen(config: LbmDemConfig) -> Iterator[Derived]:

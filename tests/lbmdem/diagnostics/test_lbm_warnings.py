@@ -35,3 +35,25 @@ def test_a_fluid_that_diverges_near_one_half_is_not_told_to_make_shorter_steps(w
         seen = SimpleNamespace(fluid=SimpleNamespace(fastest=1.0))
         said = fault(seen, app.fluid, None, 0.1)
     assert (CURE in said) == steps_help and ('fluid.collision = "central"' in said) != steps_help
+
+
+DENSE = """
+simulation = { end_time = 1.0; };
+domain = { size = [1.0e-3, 1.0e-3, 1.0e-3]; spacing = 1.0e-4; periodic = ["x", "y", "z"]; };
+fluid = { density = 1000.0; kinematic_viscosity = 1.0e-4; body_force = [0.0, 0.0, 1.0]; };
+grains = ({ diameter = 6.59e-4; moving = false;
+            position = ([0.0, 0.0, 0.0], [0.0, 5e-4, 5e-4], [5e-4, 0.0, 5e-4], [5e-4, 5e-4, 0.0]); });
+"""
+
+
+@pytest.mark.parametrize("spacing, share, lost", [(1e-4, "51.7%", "45 %"), (5e-5, "15.6%", "7 %")])
+def test_links_without_room_for_their_rule_are_told_with_what_that_costs(world, caplog, spacing, share, lost):
+    """Of a face-centred array of spheres, whose permeability is 8.525e-4 d2 with 33 nodes across each."""
+    with running(world, "lbmdem", DENSE, (f"domain.spacing={spacing}",)) as app:
+        while app.time < 2e-3:
+            app.step()
+        values = app.scalars()
+    told = [one.getMessage() for one in caplog.records if "no room" in one.getMessage()]
+    assert len(told) == (world.rank == 0) and all(share in text and lost in text for text in told)
+    less = 1.0 - values["permeability"] / 6.59e-4**2 / 8.525e-4
+    assert less == pytest.approx(float(lost.split()[0]) / 100.0, abs=0.005)

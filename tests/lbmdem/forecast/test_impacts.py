@@ -53,7 +53,7 @@ def test_a_film_brings_to_rest_what_strikes_at_a_low_stokes_number(stokes, strik
     viscosity = f"fluid.kinematic_viscosity={7800.0 * 0.35 * 5.0e-3 / (9.0 * 1000.0 * stokes)}"
     assert bool(told(BALL, IMPACT, viscosity)) == strikes
     assert told(BALL, IMPACT, viscosity, "coupling.lubrication=false").verdict == "fail"
-    pair = "domain.periodic=[\"x\", \"y\", \"z\"]", "grains[0].position=([0.008, 0.008, 0.004], [0.008, 0.008, 0.012])"
+    pair = 'domain.periodic=["x", "y", "z"]', "grains[0].position=([0.008, 0.008, 0.004], [0.008, 0.008, 0.012])"
     assert told(BALL, IMPACT, viscosity, *pair) is None  # they move alike
 
 
@@ -86,3 +86,40 @@ def test_central_moments_are_warned_of_where_grains_strike():
         assert told(BALL, name, central, *sets).verdict == "ok"
     past = told(BALL, "grid Reynolds number", "grains[0].velocity=[0.0, 0.0, -2.0]")
     assert past.verdict == "fail" and "brakes grains in gaps" in past.cure
+
+
+RELEASED = """
+simulation = { end_time = 0.1; };
+domain = { size = [0.006, 0.01]; spacing = 1.0e-4; };
+fluid = { density = 1000.0; kinematic_viscosity = 1.0e-4; relaxation_time = 5.0; };
+grains = ({ diameter = 1.0e-3; density = 1100.0; position = [0.003, 0.0065]; });
+gravity = [0.0, -9.81];
+"""
+SWINGS = "swing of the speed of released grains"
+
+
+def test_a_grain_that_begins_to_fall_swings_with_the_sound_of_its_box(world):
+    """With long steps sound is slow: the swing that is told bounds that of a run, which the cure ends."""
+    one, alone, speeds = told(RELEASED, SWINGS), told(RELEASED, "speed of grains_1, alone").value, []
+    assert one.verdict == "warn" and one.key == ("fluid", "relaxation_time")
+    mass = 1100.0 * math.pi / 4.0 * 1e-6
+    period = 2.0 * 0.01 * math.sqrt(3.0) * configure(loads(RELEASED)).time_step / 1e-4
+    with running(world, "lbmdem", RELEASED) as app:
+        while app.time < 2.0 * period:
+            for _ in range(10):
+                app.step()
+            speeds.append(math.sqrt(2.0 * app.scalars()["energy_kinetic_grains"] / mass))
+    last = speeds[len(speeds) // 2 :]
+    assert 0.35 < 0.5 * (max(last) - min(last)) / alone / one.value < 1.0
+    cure = float(one.cure.partition(" = ")[2].split()[0])
+    assert told(RELEASED, SWINGS, f"fluid.relaxation_time={cure}").verdict == "ok"
+
+
+@pytest.mark.parametrize("sets", [('domain.periodic=["y"]',), ("coupling.frozen=true",), ("gravity=[9.81, 0.0]",)])
+def test_no_swing_is_told_where_nothing_falls_between_walls(sets):
+    """Along a periodic side sound goes on, and a shorter way has a lower swing."""
+    one = told(RELEASED, SWINGS, *sets)
+    if sets[0].startswith("gravity"):
+        assert one.value == pytest.approx(0.6 * told(RELEASED, SWINGS).value, rel=1e-9)
+    else:
+        assert one is None
