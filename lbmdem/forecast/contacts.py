@@ -121,7 +121,8 @@ def overlaps_of_falls(config: LbmDemConfig) -> list[tuple[float, str]]:
         at_start = float(np.linalg.norm(group.at_start("velocity"), axis=1).max(initial=0.0))
         how = "free fall" if any(config.gravity) else "its speed at the start, against a wall or a grain that stays"
         if config.fluid:
-            how = f"its {'speed at the start' if speed == at_start else 'terminal speed'}, {speed:.3g} m/s, at most"
+            what = "speed at the start" if speed == at_start else "fall, up to its terminal speed"
+            how = f"its {what}, {speed:.3g} m/s, at most"
         size = group.largest_diameter
         found.append((deepest_overlap(speed, grain_mass(group, size, config.dimensions), law) / size, how))
     return found
