@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from types import ModuleType
 
+import numpy as np
+
 from hpcpic.core.timers import Timers
 from sph.particles.openings import Openings
 from sph.particles.pair_sums import PairSums
@@ -56,16 +58,24 @@ class Evolution:
     def evaluate_rates(self) -> None:
         """Find D of rho as in `evaluate_forces`, the new v, and x half a step of it later. Collective.
 
-        Where particles are shifted, v is the velocity they move with until they have: v + speed offset.
+        Where particles are shifted, v is the velocity they move with until they have: v + speed offset. Densities know
+        of it where walls or gravity press: what flows back adds up. Elsewhere they would only be noisier.
         """
-        if self.sums.spec.shifting:
-            if self.openings:
-                self.openings.still()
-            self._update(self.motion.set_off, self.speed)
+        pressed = bool(self.walls.scene.walls) or bool(np.any(self.walls.scene.gravity))
+        if pressed:
+            self._set_off()
         with self.timers.section("pairs"):
             self.sums.rates(self.clock.step, self.clock.time_step)
             if self.openings:
                 self.openings.hold(False, self.sums.rate)
+        if not pressed:
+            self._set_off()
+
+    def _set_off(self) -> None:
+        if self.sums.spec.shifting:
+            if self.openings:
+                self.openings.still()
+            self._update(self.motion.set_off, self.speed)
 
     def forget_rates(self) -> None:
         """The rates of y^n are not known any more."""

@@ -82,8 +82,11 @@ def below(scene: Liquid, fluid: Fluid, x: NDArray) -> NDArray[np.bool_]:
 
 
 def centre_of(fluid: Fluid, flow: Flow) -> geometry.Point:
-    """Where a linear flow has no velocity, m; in the middle of its fluid where the case does not say."""
-    return flow.centre or geometry.middle(fluid.shape)
+    """Where a linear flow has no velocity, m; in the middle of its fluid where the case does not say. Other flows have
+    no centre: a wave on the interface of two fluids is one flow.
+    """
+    middle = geometry.middle(fluid.shape)
+    return flow.centre or (middle if FLOWS[flow.type] is Linear else (0.0,) * len(middle))
 
 
 class Linear:

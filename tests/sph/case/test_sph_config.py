@@ -104,6 +104,11 @@ def test_a_linear_flow_has_no_velocity_in_the_middle_of_its_fluid_unless_the_cas
     assert configure(loads(FLOW.replace("0.0]; };", "0.0]; centre = [0.0, 0.0]; };"))).fluid[0].flow.centre == (0, 0)
 
 
+def test_a_wave_on_the_interface_of_two_fluids_is_one_flow():
+    water, oil = configure(load(shipped_cases()["interfacial-wave"])).fluid
+    assert water.flow == oil.flow
+
+
 def test_a_gradient_is_a_matrix():
     assert refused(FLOW.replace("[0.0, -2.0, 2.0, 0.0]", "[0, 1]")) == (
         "case:4:100: fluid[0].flow.gradient: needs 4 numbers in 2D, row by row (got 2)"
