@@ -16,7 +16,7 @@ MATTERS = 0.1  # exp(-MATTERS) of a wave is left after a period
 
 
 def damping(config: SphConfig) -> Iterator[Derived]:
-    """Of waves on a free surface, where viscosity damps them within some periods."""
+    """A row where viscosity damps waves on a free surface within some periods."""
     form = VISCOSITIES[config.numerics.viscosity_form or "none"]
     if not (form.along_velocity and any(config.gravity) and MATTERS < lost_in_a_period(config) <= 1.0):
         return
