@@ -118,7 +118,7 @@ def test_the_contacts_that_are_drawn_are_those_of_the_run(run):
 def test_what_a_run_warns_of_is_kept_with_it(run):
     """In its log and its summary, as the making of the packing is: not only on the screen."""
     said = (run.path / "log.txt").read_text()
-    assert "of the links have no room for their rule" in said and "packing" in said
+    assert "of the links have no room for their wall rule" in said and "packing" in said
     assert any(
         "of the links have no room" in text for text in json.loads((run.path / "run.json").read_text())["warnings"]
     )
