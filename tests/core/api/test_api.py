@@ -15,11 +15,7 @@ import pytest
 import hpcpic
 import lbmdem
 import sph
-from hpcpic.core.app.read import read_case
-from hpcpic.core.case.dump import dump
-from hpcpic.core.case.texts import value_text
 from hpcpic.core.errors import ConfigError
-from sph.app import APP
 
 SHORT = {"simulation.cycles": 12}
 
@@ -192,16 +188,6 @@ def test_a_figure_comes_as_an_object(oscillation):
         oscillation.plot("nonsense")
 
 
-def test_a_run_that_is_refused_is_told_as_the_case_of_python(tmp_path):
-    """Not as the file that it is written to for the time being."""
-    electrons = {"charge": -1.0, "mass": 1.0, "plasma_frequency": 1.0, "particles": 64}
-    simulation = {"cycles": 2, "time_step": 5.0, "space_length": [16.0]}
-    case = hpcpic.Case(simulation=simulation, grid={"points": [16]}, species=[electrons])
-    for refused in (case.simulation, lambda: case.run(tmp_path / "run")):
-        with pytest.raises(hpcpic.ConfigError, match=r"^hpcpic\.Case: simulation\.time_step: time step wp dt = 5 "):
-            refused()
-
-
 @pytest.mark.parametrize(
     ("when", "told"),
     [
@@ -234,58 +220,6 @@ with ThreadPoolExecutor(3) as pool:
     assert done.stdout.split() == [oscillation.digest], done.stderr
 
 
-def test_a_case_made_of_keys_is_the_case_of_its_text(tmp_path):
-    case = sph.Case(
-        simulation={"dimensions": 2, "end_time": 0.1},
-        numerics={"spacing": 0.05},
-        gravity=(0.0, -9.81),
-        fluid=[{"shape": {"box": {"low": np.zeros(2), "high": [0.5, np.float64(0.5)]}}}],
-    )
-    case.save(tmp_path / "my.conf")
-    assert str(sph.Case(tmp_path / "my.conf")) == str(case) == (tmp_path / "my.conf").read_text()
-    assert case.config.fluid[0].shape.box.high == (0.5, 0.5)
-
-
-@pytest.mark.parametrize(
-    ("case", "nested", "dotted"),
-    [
-        ("water-column", {"simulation": {"end_time": 0.5}}, {"simulation.end_time": 0.5}),
-        (
-            "water-column",
-            {"numerics": {"spacing": 0.05}, "output": {"period": {"series": 0.01}}, "fluid[0]": {"name": "sea"}},
-            {"numerics.spacing": 0.05, "output.period.series": 0.01, "fluid[0].name": "sea"},
-        ),
-        (
-            "water-column",
-            {"fluid[0].shape": {"sphere": {"centre": [0.3, 0.3], "radius": 0.1}}},  # in place of the box
-            {"fluid[0].shape.sphere.centre": [0.3, 0.3], "fluid[0].shape.sphere.radius": 0.1},
-        ),
-    ],
-)
-def test_a_group_changes_as_its_keys_do_and_as_the_command_line_does(case, nested, dotted):
-    made = sph.Case(case).changed(nested)
-    sets = tuple(f"{key}={value_text(value)}" for key, value in dotted.items())
-    assert str(made) == str(sph.Case(case).changed(dotted)) == dump(read_case(APP, case, sets).config)
-    assert str(made) != str(sph.Case(case))
-
-
-@pytest.mark.parametrize(
-    ("make", "told"),
-    [
-        (lambda: sph.Case("water-colum"), "did you mean 'water-column'"),
-        (lambda: sph.Case("water-column").changed({"numerics.spacng": 1.0}), "did you mean 'spacing'"),
-        (lambda: sph.Case(simulation={"dimensions": 2}), "simulation.end_time: missing"),
-        (lambda: sph.Case(fluid=[{"shpe": 1}]), r"sph.Case: fluid\[0\].shpe: unknown key; did you mean 'shape'"),
-        (lambda: sph.Case(gravity=[0.0, {1, 2}]), r"gravity\[1\]: a case holds numbers"),
-        (lambda: sph.Case(), "a case is made of"),
-        (lambda: sph.Case({"simulation": {"dimensions": 2}}), "takes its sections by name"),
-    ],
-)
-def test_what_is_wrong_is_raised_in_the_words_of_the_command_line(make, told):
-    with pytest.raises(hpcpic.ConfigError, match=told):
-        make()
-
-
 @pytest.mark.parametrize(
     ("when", "told"),
     [
@@ -309,26 +243,6 @@ def test_observers_look_at_whole_steps_or_times_from_0_on(when, told):
         sim.every(**when)
 
 
-def test_messages_call_a_change_as_python_does():
-    case = hpcpic.Case("plasma-oscillation")
-    with pytest.raises(hpcpic.ConfigError, match=r"^changed: grid.pointz=3: grid.pointz: unknown key"):
-        case.changed({"grid.pointz": 3})
-    with pytest.raises(hpcpic.ConfigError, match=r"^changed: simulation.time_step=100.0: simulation.time_step"):
-        case.changed({"simulation.time_step": 100.0}).simulation()
-
-
-def test_a_fault_that_several_sets_share_is_told_once():
-    disc = {"diameter": 2e-3, "density": 1010.0}
-    case = lbmdem.Case(
-        simulation={"end_time": 1.0}, domain={"size": [0.02, 0.08], "spacing": 2e-4},
-        fluid={"kinematic_viscosity": 1e-6}, gravity=[0.0, -9.81],
-        grains=[{"position": [x, 0.07], **disc} for x in (0.008, 0.012)],
-    )  # fmt: skip
-    with pytest.raises(ConfigError, match=r"relaxation_time = 0\.6.* makes the time step short enough") as raised:
-        case.simulation()
-    assert len(raised.value.messages) == 1
-
-
 @pytest.mark.parametrize("threads", [0, -1, 1.5, "2", True])
 def test_threads_are_a_whole_number_from_one_on(threads, tmp_path):
     case = hpcpic.Case("plasma-oscillation")
@@ -337,14 +251,6 @@ def test_threads_are_a_whole_number_from_one_on(threads, tmp_path):
         with pytest.raises(hpcpic.ConfigError, match=told):
             take(threads=threads)
     assert not (tmp_path / "run").exists()
-
-
-@pytest.mark.parametrize("ranks", [0, -2, 1.5, "2"])
-def test_ranks_are_a_whole_number_from_one_on(ranks):
-    case = hpcpic.Case("plasma-oscillation")
-    for take in (case.check, case.estimate):
-        with pytest.raises(hpcpic.ConfigError, match="ranks: a whole number, 1 or more"):
-            take(ranks=ranks)
 
 
 def test_an_advance_goes_to_a_time_or_by_steps_that_there_are():
@@ -379,20 +285,6 @@ def test_steps_and_times_go_past_the_end_of_the_case():
         assert sim.iteration == 13
         sim.advance(until=sim.time * 15 / 13)
         assert sim.iteration == 15
-
-
-@pytest.mark.parametrize(
-    ("make", "told"),
-    [
-        (lambda case: hpcpic.Case(str(case)), r"text of a case: write it to a file, .*\.write_text"),
-        (lambda case: hpcpic.Case(3), r"a shipped name or a path \(got 3\)"),
-        (lambda case: case.changed({"species[7]": {"name": "i"}}), "to add one give the whole list, species"),
-        (lambda case: case.changed({"species[0].perturbation": None}), "to leave a key out make the case anew, or"),
-    ],
-)
-def test_what_a_case_cannot_be_made_of_is_told_with_what_it_can(make, told):
-    with pytest.raises(hpcpic.ConfigError, match=told):
-        make(hpcpic.Case("plasma-oscillation"))
 
 
 def test_particles_in_memory_have_all_digits_of_the_state(tmp_path):
@@ -440,19 +332,6 @@ def test_a_folder_that_holds_a_run_is_a_file_error(oscillation):
         lbmdem.open_run(oscillation.path)
 
 
-def test_the_shipped_cases_are_told(capsys):
-    for package in (hpcpic, sph, lbmdem):
-        found = package.cases()
-        assert len(found) > 5 and all(found[name].what for name in found)
-        assert all(name in repr(found) and name in found._repr_html_() for name in found)
-
-
-def test_an_estimate_reads_as_the_command_prints_it():
-    forecast = sph.Case("water-column").estimate(ranks=2)
-    assert forecast.seconds > 0 and sum(forecast.memory.values()) > 0
-    assert "2 ranks x 1 thread" in repr(forecast)
-
-
 def cut_off(case, folder, **flags):
     """A run whose last checkpoint is lost, as one that was killed between its checkpoints."""
     run = case.run(folder, threads=1, quiet=True, checkpoint_every=5, **flags)
@@ -492,54 +371,6 @@ assert run.restart(threads=1, quiet=True).digest == {oscillation.digest!r}
     again = hpcpic.open_run(tmp_path / "run")
     assert again.summary["history"][-1]["first_step"] == 10
     assert again.series.equals(oscillation.series)
-
-
-@pytest.mark.parametrize(
-    ("call", "status", "told"),
-    [
-        ("sim.rank or sim.particles()", 1, "in one order: rank 0 calls particles(), rank 1 calls close()"),
-        ("sim.fields('rho' if sim.rank else 'phi')", 1, "rank 0 calls fields('phi'), rank 1 calls fields('rho')"),
-        ("sim.rank and time.sleep(1.5); sim.digest()", 0, "rank 0 of 2: digest() has waited for"),
-    ],
-)
-def test_ranks_that_do_not_make_the_same_call_are_told_and_none_waits_in_silence(tmp_path, call, status, told):
-    (tmp_path / "parts.py").write_text(f"""import time, hpcpic
-from hpcpic.core.comm import meeting
-meeting.TELL_SECONDS = 0.5
-with hpcpic.Case("plasma-oscillation").simulation(threads=1) as sim:
-    {call}
-""")
-    launcher = [str(Path(sys.executable).with_name("mpirun")), "-n", "2", sys.executable, "-m", "mpi4py"]
-    done = subprocess.run([*launcher, str(tmp_path / "parts.py")], capture_output=True, text=True, timeout=100)
-    assert (done.returncode != 0) == bool(status) and told in done.stderr, done.stderr
-
-
-@pytest.mark.parametrize(
-    ("species", "time_step", "told"),
-    [
-        ('"start": {"velocity": rng.normal(0, 0.1, (64, 1))}', "0.1", "species[0].start: content"),
-        ('"start": {"velocity": np.zeros((64 + rank, 1))}', "0.1", "species[0].particles: 64 on rank 0, 65 on rank 1"),
-        ('"particles": 64', "0.1 + 0.1 * rank", "simulation.time_step: 0.1 on rank 0, 0.2 on rank 1"),
-    ],
-)
-def test_ranks_that_do_not_make_the_same_case_are_told_the_key_on_all_ranks(tmp_path, species, time_step, told):
-    (tmp_path / "parts.py").write_text(f"""import hpcpic, numpy as np, sys
-from mpi4py import MPI
-rank = MPI.COMM_WORLD.rank
-rng = np.random.default_rng(rank)
-e = {{"name": "e", "charge": -1.0, "mass": 1.0, {species}}}
-case = hpcpic.Case(simulation={{"cycles": 1, "time_step": {time_step}, "space_length": [6.0]}},
-    grid={{"points": [16]}}, species=[e])
-for make in (case.simulation, lambda threads: case.run({str(tmp_path / "run")!r}, threads=threads)):
-    try:
-        make(threads=1)
-    except hpcpic.ConfigError as error:
-        sys.stdout.write(f"{{rank}} {{error.message}}\\n")
-""")
-    launcher = [str(Path(sys.executable).with_name("mpirun")), "-n", "2", sys.executable, "-m", "mpi4py"]
-    done = subprocess.run([*launcher, str(tmp_path / "parts.py")], capture_output=True, text=True, timeout=100)
-    assert done.returncode == 0 and done.stdout.count(told) == 4, done.stdout + done.stderr
-    assert not (tmp_path / "run").exists()
 
 
 def test_a_restart_in_python_may_go_on_farther_and_changes_nothing_else(oscillation, tmp_path):
