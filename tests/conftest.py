@@ -5,6 +5,7 @@ not come, it prints its report and aborts all. A rank that passed fails with the
 leaves its counts, "passed failed", in the folder $HPCPIC_MPI_REPORT.
 """
 
+import gc
 import os
 import signal
 import subprocess
@@ -18,6 +19,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 from numba.core import event
 
+gc.set_threshold(50_000)  # as programs do: what compiles makes many objects that stay
 # A busy machine fails no test.
 settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("busy")

@@ -169,10 +169,11 @@ class Numerics(Section):
         "delta", "diffusion of density: Rusanov (MP 17), Molteni, Fourtakas, or delta-SPH with renormalised gradient"
     )
     flux_coefficient: float | None = setting(None, "of the flux; by default 1 (rusanov) or 0.1", ge=0, le=100)
-    viscosity_form: Literal["none", "strain-rate", "cleary", "morris", "artificial"] | None = setting(
+    viscosity_form: Literal["none", "strain-rate", "cleary", "morris", "full-stress", "artificial"] | None = setting(
         None,
-        "Morris et al. 1997; strain rate and stress (MP 22-23); Cleary (SC 6), exact for shear along a lattice "
-        "and 6 to 40 % too viscous elsewhere; or artificial only. By default morris if viscous, else artificial",
+        "Morris et al. 1997; full-stress: with (grad v)^T too, which free surfaces feel; strain rate and stress "
+        "(MP 22-23); Cleary (SC 6), exact for shear along a lattice and 6 to 40 % too viscous elsewhere; or artificial "
+        "only. By default full-stress for one viscous liquid with a free surface, morris for others, else artificial",
     )
     artificial_viscosity: float | None = setting(
         None,
@@ -184,7 +185,8 @@ class Numerics(Section):
     shifting: bool | None = setting(
         None,
         "particles are shifted towards where there are few (Sun et al. 2017), and their densities know it; by default "
-        "with the viscosity of Morris in one fluid, with the symplectic integrator and without gradient_correction",
+        "with the viscosity of Morris or the full stress in one fluid, with the symplectic integrator and without "
+        "gradient_correction",
     )
     precision: Literal["double", "single"] = setting("double", "arithmetic of the pair sums")
     balance_period: int = setting(100, "steps between looks at the load of the ranks, 0 = never", "steps", ge=0)

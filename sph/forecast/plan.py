@@ -101,7 +101,8 @@ def sums(config: SphConfig) -> list[str]:
         terms.append(f"renormalised gradient    {d * (d + 1) // 2} + {d} sums more")
     viscosity = VISCOSITIES[numerics.viscosity_form or "none"]
     if viscosity.physical:
-        terms.append(f"viscosity                {numerics.viscosity_form}{', two passes' if viscosity.stress else ''}")
+        passes = ", two passes" if viscosity.sees_strain else ""
+        terms.append(f"viscosity                {numerics.viscosity_form}{passes}")
     if numerics.artificial_viscosity:
         terms.append(f"artificial viscosity     alpha {numerics.artificial_viscosity:g}")
     if numerics.tensile_correction:

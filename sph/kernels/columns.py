@@ -1,7 +1,7 @@
 """What stands around the pair sums: values[column, slot], which they read of bodies besides the state, and their own
 sums, of which later ones or the motion need more than forces and rates.
 
-PUSH .. T are the first lines of the columns (see physics.pair_spec), -1 for those that the case does not have. Bodies
+PUSH .. S are the first lines of the columns (see physics.pair_spec), -1 for those that the case does not have. Bodies
 are in SI units, columns in those of the pair sums (see `passes`). All slots are looked at, also where nobody is.
 """
 
@@ -35,6 +35,7 @@ SINGLE = False
 GAMMA = 7.0
 PUSH = -1
 LIGHT = -1
+S = -1
 VOLUME = -1
 EXCESS = -1
 MASS = -1
@@ -155,13 +156,21 @@ def pack_again(block, blocks, base, scales, liquids, flags, v, drho, m, gradient
 
 
 @njit
-def pack_stress(block, blocks, base, scales, drho, shear, values):
-    """The columns T, stress / rho^2 (MP 22), from shear[DIM a + b, slot] = d v_b / d x_a."""
+def pack_stress(block, blocks, base, scales, flags, drho, shear, values):
+    """The columns T, stress / rho^2 (MP 22), or S = mu ((grad v)^T - I div v), 0 in walls, from the velocity gradient
+    shear[DIM a + b, slot] = d v_b / d x_a.
+    """
     for l in range(blocks[block], blocks[block + 1]):
         for b in range(np.uint64(base[l]), np.uint64(base[l + 1])):
             trace = shear[0, b]
             for i in range(1, DIM):
                 trace += shear[i * (DIM + 1), b]
+            if S >= 0:
+                factor = 0.0 if flags[b] & EXTRAPOLATED != 0 else scales.viscosity
+                for i in range(DIM):
+                    for j in range(DIM):
+                        values[S + i * DIM + j, b] = (shear[i * DIM + j, b] - (trace if i == j else 0.0)) * factor
+                continue
             trace *= 2.0 / DIM
             rho = 1.0 + drho[b] * scales.per_rho
             factor, column = scales.viscosity / (rho * rho), T
@@ -209,15 +218,6 @@ def unpack_wetted(block, blocks, base, scales, at, first, sums, wetted):
 
 
 @njit
-def unpack_strain(block, blocks, base, scales, at, sums, shear):
-    """The velocity gradient, shear[DIM a + b, slot] = d v_b / d x_a."""
-    for l in range(blocks[block], blocks[block + 1]):
-        for b in range(np.uint64(base[l]), np.uint64(base[l + 1])):
-            for k in range(DIM * DIM):
-                shear[k, b] = np.float64(sums[at + k, b]) * scales.of_strain
-
-
-@njit
 def cofactors(sums, at, b, factor):
     """Cofactors, as an upper triangle, and determinant of a symmetric matrix: that whose upper triangle begins in line
     `at` of the sums, times a factor.
@@ -252,6 +252,24 @@ def unpack_gradient(block, blocks, base, scales, at, sums, gradient):
                     step = np.float64(sums[at + len(matrix) + j, b]) * scales.of_gradient
                     found += matrix[entry(i, j)] * step
                 gradient[i, b] = found * factor
+
+
+@njit
+def unpack_strain(block, blocks, base, scales, at, sums, shear):
+    """The velocity gradient, shear[DIM a + b, slot] = d v_b / d x_a; renormalised for S where there are neighbours."""
+    for l in range(blocks[block], blocks[block + 1]):
+        for b in range(np.uint64(base[l]), np.uint64(base[l + 1])):
+            for k in range(DIM * DIM):
+                shear[k, b] = np.float64(sums[at + k, b]) * scales.of_strain
+            if S >= 0:
+                inverse, det = cofactors(sums, at + DIM * DIM, b, scales.of_gradient)
+                if det > LEAST_DETERMINANT:
+                    for j in range(DIM):
+                        for i in range(DIM):
+                            total = 0.0
+                            for k in range(DIM):
+                                total += inverse[entry(i, k)] * np.float64(sums[at + k * DIM + j, b])
+                            shear[i * DIM + j, b] = total / det * scales.of_strain
 
 
 @njit

@@ -31,7 +31,7 @@ LINES = "push", "light", "volume", "excess", "mass", "slope", "c", "tension", "s
 def columns_kernels(spec: PairSpec, gamma: float) -> ModuleType:
     """The module kernels.columns as a case needs it."""
     columns = columns_of(spec)
-    first = {"NORMALS": "nx", "V": "vx", "G": "gx", "L": "lxx", "T": "txx"}
+    first = {"NORMALS": "nx", "V": "vx", "G": "gx", "L": "lxx", "T": "txx", "S": "sxx"}
     first |= {name.upper(): name for name in LINES}
     constants: dict[str, Any] = {key: columns.index(name) if name in columns else -1 for key, name in first.items()}
     constants |= {

@@ -16,7 +16,7 @@ NUMBERS = (
 )  # fmt: skip
 VECTORS = ("v", "n", "g", "gravity", "fall", "force", "steps", "shifts", "arm", "moment1", "slope0")
 TRIANGLES = ("l", "t", "moments", "matrix", "slope1")  # symmetric matrices
-MATRICES = ("strains",)
+MATRICES = ("strains", "s")
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class PairSpec:
 
     @property
     def needs_stress(self) -> bool:
-        return self.viscosity.stress
+        return self.viscosity.sees_strain
 
     def components(self, name: str) -> list[str]:
         """The columns, sums or numbers that a name stands for: those of a vector, of a matrix, or itself."""
@@ -172,6 +172,10 @@ def momentum(spec: PairSpec) -> Pass:
         lines.append(Line("pull", terms.corrected_pull if spec.corrected else terms.pull))
         if viscosity.pull:
             lines.append(Line("pull", viscosity.pull))
+        if viscosity.transposed:
+            lines.append(Line("crosswise", terms.crosswise))
+            lines.append(Line("crosswise", terms.crosswise_at_wall, AT_FOLLOWING_WALLS))
+            lines.append(Line("pull", viscosity.transposed))
         lines.append(Line("minus_g, g", terms.tensor_force))
         force = Sum("force", ("minus_g", "g"), ("pull", "pull"))
     else:
@@ -231,10 +235,14 @@ def extrapolation(spec: PairSpec) -> Pass:
     return Pass(lines, sums, inside=False)
 
 
-def strain(_: PairSpec) -> Pass:
-    """Sums of the velocity gradient."""
-    lines = [Line("less_i, less_j", terms.minus_volumes), Line("strains", terms.strains)]
-    return Pass(lines, [Sum("strains", ("less_i", "less_j"), ("strains",) * 2)])
+def strain(spec: PairSpec) -> Pass:
+    """Sums of the velocity gradient; renormalised and of the fluid alone where free surfaces ask for it."""
+    less, lines = ("less_i", "less_j"), [Line("strains", terms.strains)]
+    if not spec.viscosity.transposed:
+        return Pass([Line("less_i, less_j", terms.minus_volumes), *lines], [Sum("strains", less, ("strains",) * 2)])
+    lines += [Line("fluid_F", terms.fluid_F, OF_FLUID), Line("less_i, less_j", terms.minus_fluid_volumes)]
+    lines.append(Line("moments", terms.moments))
+    return Pass(lines, [Sum("strains", less, ("strains",) * 2), Sum("moments", less, ("moments",) * 2)])
 
 
 def matrix(_: PairSpec) -> Pass:
@@ -309,7 +317,8 @@ def columns_of(spec: PairSpec) -> list[str]:
         names.append("mass")  # of the reference liquid
     names += ["swift"] * spec.densities + ["fluidity"] * spec.viscosities + ["bulk"] * spec.gases
     names += ["n"] * spec.repulsive + [name for name in ("g", "slope", "c") if name in spec.flux.columns]
-    names += ["tension"] * spec.tensile + ["l"] * spec.corrected + ["t"] * spec.needs_stress
+    names += ["tension"] * spec.tensile + ["l"] * spec.corrected
+    names += ["t"] * spec.viscosity.stress + ["s"] * bool(spec.viscosity.transposed)
     return [column for name in names for column in spec.components(name)]
 
 

@@ -117,11 +117,20 @@ class Reference:
         if not self.viscosity.pull:
             return 0.0
         if not self.viscosity.stress:
-            return 2 * np.einsum("j,ij,kij->ki", self.volume, self.f * mu, self.dv) / self.rho
+            along = 2 * np.einsum("j,ij,kij->ki", self.volume, self.f * mu, self.dv) / self.rho
+            return along + (self._transposed_stress() if self.viscosity.transposed else 0.0)
         gradient = velocity_gradient(self.volume, self.f, self.dx, self.dv)
         trace = 2 / self.d * np.einsum("aai->i", gradient) * np.eye(self.d)[:, :, None]
         stress = mu * (gradient + gradient.transpose(1, 0, 2) - trace) / self.rho**2
         return np.einsum("j,ij,abij,bij->ai", self.rest, self.f, stress[..., :, None] + stress[..., None, :], self.dx)
+
+    def _transposed_stress(self) -> NDArray[np.float64]:
+        """The divergence of mu ((grad v)^T - I div v), 0 but at free surfaces."""
+        gradient = velocity_gradient(self.volume, self.f, self.dx, self.dv)
+        gradient = np.einsum("iac,cbi->abi", self.renormalisation, gradient)
+        s = gradient - np.einsum("aai->i", gradient) * np.eye(self.d)[:, :, None]
+        both = s[..., :, None] + s[..., None, :]
+        return self.mu * np.einsum("j,ij,abij,bij->ai", self.volume, self.f, both, self.dx) / self.rho
 
     # ---- renormalised gradients
 

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from functools import cache
 
 from hpcpic.core.simd.formulas import fma, maximum, minimum, select, sqrt
-from sph.physics.vectors import add_scaled, difference, dot, products, scaled, squares, sum_of, turned
+from sph.physics.vectors import add_scaled, difference, dot, products, scaled, squares, sum_of, times, turned
 
 CORE = 0.7  # spacings: of half that off the surface, even between two particles of a wall
 WIDE_CORE = 0.9  # in 3D where h is large, and with rigid bodies: between four particles of a wall too
@@ -180,6 +180,21 @@ def stress(pull, t_i, t_j, d):
     x = fma(-t[2], d[2], fma(-t[1], d[1], fma(-t[0], d[0], pull[0])))
     y = fma(-t[4], d[2], fma(-t[3], d[1], fma(-t[1], d[0], pull[1])))
     return x, y, fma(-t[5], d[2], fma(-t[4], d[1], fma(-t[2], d[0], pull[2])))
+
+
+def crosswise(light_i, light_j):
+    """- 1 / (rho_i rho_j)."""
+    return -(light_i * light_j)
+
+
+def crosswise_at_wall(crosswise):
+    """Twice that: a wall that follows the fluid goes on with its stress, and has none of its own."""
+    return 2.0 * crosswise
+
+
+def transposed_stress(pull, crosswise, s_i, s_j, d):
+    """- (S_i + S_j) r_ij / (rho_i rho_j), S = mu ((grad v)^T - I div v)."""
+    return add_scaled(crosswise, times(sum_of(s_i, s_j), d), pull)
 
 
 def tensor_force(F, mass_i, mass_j):

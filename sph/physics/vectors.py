@@ -1,4 +1,4 @@
-"""Vectors of two or three components, as tuples, and symmetric matrices by their upper triangles, row by row."""
+"""Vectors of two or three components, as tuples, matrices row by row, symmetric ones by their upper triangles."""
 
 from hpcpic.core.simd.formulas import fma
 
@@ -32,12 +32,22 @@ def difference(a, b):
 
 
 def sum_of(a, b):
-    """a + b of two vectors or two symmetric matrices."""
+    """a + b of two vectors or two matrices."""
     if len(a) == 2:
         return a[0] + b[0], a[1] + b[1]
     if len(a) == 3:
         return a[0] + b[0], a[1] + b[1], a[2] + b[2]
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5]
+    if len(a) == 4:
+        return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3]
+    most = a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5]
+    return most if len(a) == 6 else (*most, a[6] + b[6], a[7] + b[7], a[8] + b[8])
+
+
+def times(m, a):
+    """The matrix m, row by row, times a."""
+    if len(a) == 2:
+        return dot((m[0], m[1]), a), dot((m[2], m[3]), a)
+    return dot((m[0], m[1], m[2]), a), dot((m[3], m[4], m[5]), a), dot((m[6], m[7], m[8]), a)
 
 
 def turned(m, a):

@@ -207,6 +207,11 @@ def relations(config: SphConfig) -> Iterator[Fault]:
     viscous = any(fluid.dynamic_viscosity for fluid in config.fluid)
     if VISCOSITIES[config.numerics.viscosity_form or "none"].physical and not viscous:
         yield ("numerics", "viscosity_form"), 'needs a fluid with viscosity > 0, or "none"'
+    if VISCOSITIES[config.numerics.viscosity_form or "none"].transposed:
+        for i, wall in enumerate(config.wall):
+            if wall.type and not WALL_RULES[wall.type].extrapolated:
+                text = f'"{wall.type}" does not know viscosity_form = "full-stress": "morris", or leave the type out'
+                yield ("wall", i, "type"), text
     integrator = config.simulation.integrator
     if config.numerics.shifting and not INTEGRATORS[integrator].split:
         text = f'"{integrator}" finds rates of density before shifts are known: simulation.integrator = "symplectic"'
@@ -235,7 +240,7 @@ def liquid_faults(config: SphConfig) -> Iterator[Fault]:
         for i, _ in enumerate(getattr(config, group)):
             yield (group, i), f"an {group} does not know {these}"
     form = config.numerics.viscosity_form
-    if form and VISCOSITIES[form].stress:
+    if form and VISCOSITIES[form].sees_strain:
         yield ("numerics", "viscosity_form"), f'"{form}" does not know {these}: "morris" or "cleary"'
     if config.numerics.shifting and liquids.densities:
         yield ("numerics", "shifting"), f"would mix {these} at their interface: false"

@@ -10,9 +10,10 @@ from sph.physics.integrators import INTEGRATORS
 from sph.physics.liquids import liquids_of
 from sph.physics.stability import courant_limit
 from sph.physics.viscosities import VISCOSITIES
+from sph.physics.wall_rules import WALL_RULES
 from sph.setup import flows
 from sph.setup.speeds import speed_scale
-from sph.setup.tanks import open_sides
+from sph.setup.tanks import free_surface, open_sides
 
 HELD = 0.05  # of rho v^2, by which gas may lie below its pressure of rest before particles leave gaps
 SAFETY = 0.6  # of the stability limit, where no Courant number is given
@@ -95,12 +96,19 @@ def domain_of(config: SphConfig) -> Domain:
     return domain.model_copy(update={"low": low, "high": high})
 
 
+def _viscosity_form(config: SphConfig) -> str:
+    """Of a viscous fluid: one that is right at a free surface, if there is one and the walls know it."""
+    several, rules = liquids_of(config).several, [WALL_RULES[wall.type] for wall in config.wall if wall.type]
+    full = not several and all(rule.extrapolated for rule in rules) and free_surface(config)
+    return "full-stress" if full else "morris"
+
+
 def _numerics(config: SphConfig):
     numerics = config.numerics
     viscous = any(fluid.dynamic_viscosity for fluid in config.fluid)
-    form = numerics.viscosity_form or ("morris" if viscous else "artificial")
+    form = numerics.viscosity_form or (_viscosity_form(config) if viscous else "artificial")
     flux, alpha = numerics.flux_coefficient, numerics.artificial_viscosity
-    shifts = form == "morris" and not numerics.gradient_correction and not liquids_of(config).several
+    shifts = VISCOSITIES[form].laplacian and not numerics.gradient_correction and not liquids_of(config).several
     shifts &= INTEGRATORS[config.simulation.integrator].split  # else rates of density do not know them
     return numerics.model_copy(
         update={

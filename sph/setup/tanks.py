@@ -130,6 +130,13 @@ def open_sides(config: case.SphConfig, fluid: case.Fluid) -> list[str]:
     return found
 
 
+def free_surface(config: case.SphConfig) -> bool:
+    """Whether a liquid is open to a side through which nothing flows in or out."""
+    through = {opening.axis[0] for opening in (*config.inlet, *config.outlet) if opening.axis}
+    liquids = [fluid for fluid in config.fluid if not fluid.gas]
+    return any(side[0] not in through for fluid in liquids for side in open_sides(config, fluid))
+
+
 def holds(wall: case.Wall, place: tuple[float, ...], side: str) -> bool:
     """Whether a wall is there at a place beyond a side, to which nothing is open."""
     off = float(signed_distance.signed_distance(wall.shape, np.array([place]))[0])

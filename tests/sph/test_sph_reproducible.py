@@ -67,7 +67,7 @@ JOBS = {
                        integrator="predictor-corrector", more=BODIES),
         "contacts": text(d=2, size=(1.0, 0.6), spacing=0.04, fill=(1.0, 0.4), flux="delta", balance=3, more=CONTACTS),
         "open": text(d=2, size=(1.0, 0.6), spacing=0.04, fill=(1.0, 0.4), flux="delta", balance=3, velocity=(6.0, 0.0),
-                     shifting="true", more=OPEN),
+                     form="full-stress", viscosity=1.0, shifting="true", more=OPEN),
         "liquids": layers(viscosities=(2.0, 0.5), size=(1.0, 0.6), spacing=0.04, fill=(1.0, 0.4), periodic=("x",),
                           form="morris", flux="delta", balance=3, velocity=(2.0, 0.0), more=EXTRAPOLATED),
         "gas": layers(densities=(1000.0, 2.0), ambient=1e4, size=(1.0, 0.6), spacing=0.04, fill=(1.0, 0.6),

@@ -375,3 +375,34 @@ def test_waves_in_a_tank_have_their_period_unless_neighbours_are_few(world, smoo
     told(f"second mode of a tank, {smoothing or 'default h/dp'} period over theory - 1", omega / found - 1, "1 %")
     told("... damping, 1/s", damping, "")
     assert omega / found - 1 == pytest.approx(error, abs=0.006)
+
+
+VISCOUS_WAVE = """
+simulation = {{ dimensions = 2; end_time = 3.0; }};
+domain = {{ low = [0.0, 0.0]; high = [1.0, 1.2]; periodic = ["x"]; }};
+gravity = [0.0, -9.81];
+fluid = ( {{ shape = {{ box = {{ low = [0.0, 0.0]; high = [1.0, 1.0]; }}; }}; kinematic_viscosity = 5e-3;
+            flow = {{ type = "standing-wave"; amplitude = 0.03; wavelength = 1.0; }}; }} );
+numerics = {{ spacing = 0.025; viscosity_form = "{form}"; }};
+wall = ( {{ shape = {{ box = {{ low = [0.0, 0.0]; high = [1.0, 1.2]; open = ["x-", "x+", "y+"]; }}; }};
+           type = "extrapolated-free-slip"; }} );
+gauge = ( {{ name = "crest"; what = "elevation"; at = [0.0, 0.0]; }} );
+output = {{ period = {{ series = 0.01; }}; }};
+"""
+
+
+@pytest.mark.parametrize(("form", "damped"), [("full-stress", 0.97), ("morris", 0.52), ("cleary", 1.12)])
+def test_a_viscous_wave_is_damped(world, form, damped):
+    """Rate over that of linear theory (Lamb 349): the root n of (n + 2 nu k2)2 + g k = 4 nu^1.5 k3 (n + nu k2)^0.5."""
+    done = Done(world, VISCOUS_WAVE.format(form=form), period=0.01)
+    k, nu = 2 * np.pi, 5e-3
+    s = np.roots([1, 0, 2, -4, 1 + 9.81 * k / (nu * k * k) ** 2])  # n + nu k2 = nu k2 s2
+    rates = [-(nu * k * k * (z * z - 1)).real for z in s if z.real > 0]
+
+    def swing(t, height, damping, frequency, phase, level):
+        return height * np.exp(-damping * t) * np.cos(frequency * t + phase) + level
+
+    late = done.t > 0.3
+    first = 0.03, rates[0], np.sqrt(9.81 * k), 0.0, 1.0
+    (_, found, *_), _ = curve_fit(swing, done.t[late], done.series("crest")[late], first)
+    assert told(f"viscous wave, {form}: damping over theory", found / rates[0], "1") == pytest.approx(damped, abs=0.03)

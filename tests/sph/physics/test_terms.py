@@ -55,7 +55,8 @@ def test_rates_by_masses_are_those_over_all_pairs(integrator, flux):
 
 
 @pytest.mark.parametrize(
-    "integrator, form", both(("symplectic", "cleary"), ("euler", "morris"), ("symplectic", "strain-rate"))
+    "integrator, form",
+    both(("symplectic", "cleary"), ("euler", "morris"), ("symplectic", "strain-rate"), ("symplectic", "full-stress")),
 )
 def test_sums_with_viscosity(integrator, form):
     check(ROUNDING, integrator=integrator, d=2, form=form, viscosity=5.0)
