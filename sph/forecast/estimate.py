@@ -18,10 +18,15 @@ from sph.physics import stability
 from sph.physics.fluxes import FLUXES
 from sph.physics.integrators import INTEGRATORS
 from sph.physics.stability import support_of
+from sph.physics.viscosities import VISCOSITIES
 from sph.physics.wall_rules import rule_of
 from sph.sizes import LEVELS
 
-DELTA = {2: 1.0, 3: 1.4}  # more for renormalised gradients, by dimension; measured
+# Evaluations of all pair sums that these take as long as, in two and in three dimensions; measured.
+DELTA = 1.0, 1.4  # renormalised gradients
+SHIFTS = 0.6, 0.7
+STRAIN = 0.9, 1.7  # (MP 22), and the stress of it
+FULL_STRESS = 2.0, 2.7
 SERIES_BYTES = 24 * 8 * 2
 START = 1.4  # s: interpreter, libraries, kernels from the cache
 TRIMESH_MIB, TRIANGLE_BYTES = 52.0, 1370  # of what reads STL files, and of each triangle in them; measured
@@ -188,9 +193,11 @@ def sample_seconds(config: SphConfig, rates: Mapping[str, float]) -> float:
 
 def sums(config: SphConfig) -> float:
     """Evaluations of all pair sums that a step is worth."""
-    integrator = INTEGRATORS[config.simulation.integrator]
-    gradients = DELTA[config.dimensions] if "g" in FLUXES[config.numerics.density_flux].columns else 0.0
-    return integrator.work + integrator.evaluations * gradients
+    integrator, numerics = INTEGRATORS[config.simulation.integrator], config.numerics
+    viscosity = VISCOSITIES[numerics.viscosity_form or "none"]
+    more = [(DELTA, "g" in FLUXES[numerics.density_flux].columns), (SHIFTS, numerics.shifting)]
+    more += [(STRAIN, viscosity.stress), (FULL_STRESS, viscosity.transposed)]
+    return integrator.work + integrator.evaluations * sum(cost[config.dimensions - 2] for cost, used in more if used)
 
 
 def first_seconds(config: SphConfig, whole: Mapping[str, float], rates: Mapping[str, float]) -> float:
