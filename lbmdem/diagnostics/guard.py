@@ -8,6 +8,7 @@ import numpy as np
 from lbmdem.diagnostics.scalars import Diagnostics
 from lbmdem.fluid.fluid import Fluid
 from lbmdem.grains.dem import Dem
+from lbmdem.physics.collision import BRAKES
 
 MAX_SPEED = 0.4  # nodes per step beyond which no collision is a fluid any more
 MAX_DENSITY = 2.0  # density of the lattice fluid, likewise; its inverse is the least one
@@ -43,27 +44,30 @@ class GrainBits:
             self.trouble = f"grains or forces on them changed by themselves before step {step}: damaged memory"
 
 
-def cure(fluid: Fluid) -> str:
-    """What may help a fluid that diverges: near tau = 1/2 shorter steps only make it worse."""
+def cure(fluid: Fluid, brakes: str) -> str:
+    """What may help a fluid that diverges, and what central moments do to grains: near tau = 1/2 shorter steps only
+    make it worse.
+    """
     scheme = fluid.collision.scheme
     if fluid.tau >= NEAR_HALF or not math.isfinite(scheme.grid_reynolds):
         return CURE
     return (
-        f'with {scheme.name} and tau = {fluid.tau:.4g}, near 1/2, fluid.collision = "central" or a finer '
-        "domain.spacing is stable; shorter steps take tau nearer to it"
+        f"with {scheme.name} and tau = {fluid.tau:.4g}, near 1/2, a finer domain.spacing is stable, or "
+        f'fluid.collision = "central"{brakes}; shorter steps take tau nearer to it'
     )
 
 
 def fault(seen: Diagnostics, fluid: Fluid | None, dem: Dem | None, max_overlap: float) -> str | None:
     """Why this rank's state is no solution, or None; max_overlap: allowed overlap over diameter."""
     if fluid and seen.fluid:
+        way = cure(fluid, BRAKES if dem else "")
         if seen.fluid.fastest > MAX_SPEED:
-            return f"the fluid moves by {seen.fluid.fastest:.3g} nodes in a step (limit {MAX_SPEED}): {cure(fluid)}"
+            return f"the fluid moves by {seen.fluid.fastest:.3g} nodes in a step (limit {MAX_SPEED}): {way}"
         share = float(fluid.lattice.w[0])  # populations at rest follow the density
         low, high = (1.0 / MAX_DENSITY - 1.0) * 2.0 * share, (MAX_DENSITY - 1.0) * share
         least, most = fluid.rest_bounds()
         if not low <= least <= most <= high:
-            return f"the density left {1 / MAX_DENSITY} .. {MAX_DENSITY} times that of rest: {cure(fluid)}"
+            return f"the density left {1 / MAX_DENSITY} .. {MAX_DENSITY} times that of rest: {way}"
     if dem and not np.isfinite(dem.grains.x).all():
         return "a grain is nowhere"
     if dem and not all(np.isfinite(dem.grains.columns[name]).all() for name in ("heat", "work")):

@@ -6,12 +6,11 @@ from collections.abc import Iterator
 from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived, Verdict, judged, rounded_down
 from lbmdem.case.config import AXES, LbmDemConfig, whole_spacing
-from lbmdem.physics.collision import COLLISIONS
+from lbmdem.physics.collision import BRAKES, COLLISIONS
 
 TAU = ("fluid", "relaxation_time")
 SPACING = ("domain", "spacing")
 CENTRAL = 'collision = "central" has no such limit'
-BRAKES = ", but brakes grains in gaps of a node"
 # The grid Reynolds number up to which a flow past a cylinder of 10 nodes holds for 3 s, and one that diverges, measured
 PAST_SOLIDS = {"TRT": (7.5, 10.0), "BGK": (3.75, 7.5)}
 # Error of the mean velocity of a channel of 16 nodes with half-way walls, measured by tau: BGK

@@ -228,6 +228,7 @@ def _from_moments(lattice: Lattice, couples: list[tuple[str, str]]) -> list[str]
     return lines
 
 
+BRAKES = ", but brakes grains in gaps of a node"  # what is told of central moments beside moving grains
 COLLISIONS = {
     scheme.name: scheme
     for scheme in (

@@ -196,7 +196,7 @@ def sums(config: SphConfig) -> float:
     integrator, numerics = INTEGRATORS[config.simulation.integrator], config.numerics
     viscosity = VISCOSITIES[numerics.viscosity_form or "none"]
     more = [(DELTA, "g" in FLUXES[numerics.density_flux].columns), (SHIFTS, numerics.shifting)]
-    more += [(STRAIN, viscosity.stress), (FULL_STRESS, viscosity.transposed)]
+    more += [(STRAIN, viscosity.stress), (FULL_STRESS, viscosity.transposed is not None)]
     return integrator.work + integrator.evaluations * sum(cost[config.dimensions - 2] for cost, used in more if used)
 
 

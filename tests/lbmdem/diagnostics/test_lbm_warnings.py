@@ -33,8 +33,9 @@ def test_a_fluid_that_diverges_near_one_half_is_not_told_to_make_shorter_steps(w
     sets = (f'fluid.collision="{collision}"', f"fluid.relaxation_time={tau}")
     with running(world, "lbmdem", CLOSED.format(refill="average"), sets=sets) as app:
         seen = SimpleNamespace(fluid=SimpleNamespace(fastest=1.0))
-        said = fault(seen, app.fluid, None, 0.1)
+        said, beside_grains = (fault(seen, app.fluid, grains, 0.1) for grains in (None, app.dem))
     assert (CURE in said) == steps_help and ('fluid.collision = "central"' in said) != steps_help
+    assert "brakes" not in said and ("brakes grains" in beside_grains) != steps_help
 
 
 DENSE = """
