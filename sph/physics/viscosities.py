@@ -43,7 +43,7 @@ class Viscosity:
 
     @property
     def laplacian(self) -> bool:
-        """Whether it has the sum of Morris et al. 1997."""
+        """True of the sum of Morris et al. 1997, with whatever else."""
         return self.pull is terms.morris_viscosity
 
     @property
