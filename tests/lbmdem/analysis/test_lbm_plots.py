@@ -1,23 +1,23 @@
 """Figures are made from real runs, and what a run does not hold is said."""
 
-import subprocess
-import sys
+import functools
 
 import numpy as np
 import pytest
 from figure_texts import unreadable
 
+import lbmdem
 from hpcpic.core.app.figures import NoData, save
 from hpcpic.core.files.reader import open_run
 from lbmdem.analysis import grain_plots
 from lbmdem.analysis.plots import PLOTS, config_of
 
 SHORT = {
-    "settling-disc": ("domain.spacing=4e-4", "simulation.end_time=0.2", "output.period.fields=0.1"),
-    "poiseuille": ("simulation.end_time=0.3",),
-    "slide-to-roll": ("simulation.end_time=0.004",),
-    "restitution": ("gravity=[0.0, 0.0, -9.81]",),  # no friction ends sliding
-    "sphere-array": ("domain.spacing=1.61199e-5", "simulation.end_time=0.004", "output.period.fields=0.004"),
+    "settling-disc": {"domain.spacing": 4e-4, "simulation.end_time": 0.2, "output.period.fields": 0.1},
+    "poiseuille": {"simulation.end_time": 0.3},
+    "slide-to-roll": {"simulation.end_time": 0.004},
+    "restitution": {"gravity": [0.0, 0.0, -9.81]},  # no friction ends sliding
+    "sphere-array": {"domain.spacing": 1.61199e-5, "simulation.end_time": 0.004, "output.period.fields": 0.004},
 }
 ALWAYS = {"energies", "timers"}
 EXPECTED = {
@@ -30,13 +30,21 @@ EXPECTED = {
 
 
 @pytest.fixture(scope="module")
-def run(request, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("runs") / request.param
-    words = [sys.executable, "-m", "lbmdem", "run", request.param, "-o", str(folder), "--threads", "1", "--quiet"]
-    words += [word for setting in SHORT[request.param] for word in ("--set", setting)]
-    done = subprocess.run(words, capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return open_run(folder)
+def made(tmp_path_factory):
+    """The run of a case, made once for all tests of it, whatever their order."""
+
+    @functools.cache
+    def run_of(name):
+        folder = tmp_path_factory.mktemp("runs") / name
+        lbmdem.Case(name).changed(SHORT[name]).run(folder, threads=1, quiet=True)
+        return open_run(folder)
+
+    return run_of
+
+
+@pytest.fixture
+def run(request, made):
+    return made(request.param)
 
 
 @pytest.mark.parametrize(("run", "expected"), EXPECTED.items(), indirect=["run"])

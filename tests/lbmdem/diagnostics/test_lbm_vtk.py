@@ -2,9 +2,13 @@
 
 import numpy as np
 import pytest
-from app_runner import launch, running
+from app_runner import running
+from click.testing import CliRunner
 
+import lbmdem
+from hpcpic.core.cli.main import build
 from hpcpic.core.comm.world import World
+from lbmdem.__main__ import load_app
 
 CASE = """
 simulation = { end_time = 0.04; };
@@ -37,12 +41,11 @@ def steps_of(path):
 
 def test_vtk_opens_fields_and_grains(tmp_path):
     (tmp_path / "case.conf").write_text(CASE)
-    words = ("-m", "lbmdem", "run", str(tmp_path / "case.conf"), "-o", str(tmp_path / "run"), "--quiet", "--replace")
-    done = launch(1, *words, "--threads", "1")
-    assert done.returncode == 0, done.stderr[-2000:]
     run = tmp_path / "run"
-    exported = launch(1, "-m", "lbmdem", "export", str(run), "--to", "csv,openpmd,vtkhdf")
-    assert exported.returncode == 0, exported.stderr[-2000:]
+    lbmdem.Case(tmp_path / "case.conf").run(run, threads=1, quiet=True)
+    words = ["export", str(run), "--to", "csv,openpmd,vtkhdf"]
+    exported = CliRunner().invoke(build(load_app, "lbmdem", "grains in a fluid"), words)
+    assert exported.exit_code == 0, exported.output
     fields, grains = (sorted(run.rglob(name))[0] for name in ("fields.vtkhdf", "*rains.vtkhdf"))
     found = list(steps_of(fields))
     assert [time for time, *_ in found] == pytest.approx([0.0, 0.02, 0.04])

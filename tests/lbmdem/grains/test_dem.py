@@ -190,8 +190,7 @@ def sun(x, v, t):
     return -a / r**3, -b / r**3, 0.0
 
 
-@pytest.mark.parametrize("calls", [1, 10])
-def test_an_acceleration_of_ones_own_is_of_second_order(world, pool, calls):
+def test_an_acceleration_of_ones_own_is_of_second_order(world, pool):
     """In place, velocity and time, against the exact motion; the same however many substeps there are to a call."""
     time = 0.2
     steady = PUSH / complex(W * W - BEAT * BEAT, 2.0 * DRAG * BEAT)  # of exp(i BEAT t)
@@ -200,17 +199,21 @@ def test_an_acceleration_of_ones_own_is_of_second_order(world, pool, calls):
     free = complex(start[0], (start[0] * root.real - start[1]) / root.imag)  # of exp(root t)
     exact = 0.5 + (free * cmath.exp(root * time) + steady * cmath.exp(1j * BEAT * time)).real
 
-    def error(steps):
-        columns = grains([[0.51, 0.5], [0.2, 0.2]], v=[[0.2, 0.0], [0.0, 0.0]])
-        scene = dem(world, columns, LAW, (1.0, 1.0), pool=pool, own=[(driven_spring, np.array([True, False]))])
+    columns = grains([[0.51, 0.5], [0.2, 0.2]], v=[[0.2, 0.0], [0.0, 0.0]])
+    scene = dem(world, columns, LAW, (1.0, 1.0), pool=pool, own=[(driven_spring, np.array([True, False]))])
+    beginning = Saved(scene)  # a scene compiles what it is given
+
+    def error(steps, calls):
+        scene.restore(beginning)
         for _ in range(steps // calls):
             scene.advance(time / steps, calls)
         assert np.array_equal(by_id(scene, scene.grains.x)[1], [0.2, 0.2])  # the other one is left alone
         return abs(by_id(scene, scene.grains.x)[0, 0] - exact)
 
-    errors = np.array([error(steps) for steps in (100, 200, 400)])
-    orders = np.log2(errors[:-1] / errors[1:])
-    assert np.all(orders > 1.9) and errors[0] < 1e-4, (errors, orders)
+    for calls in (1, 10):
+        errors = np.array([error(steps, calls) for steps in (100, 200, 400)])
+        orders = np.log2(errors[:-1] / errors[1:])
+        assert np.all(orders > 1.9) and errors[0] < 1e-4, (errors, orders)
 
 
 def test_a_central_acceleration_keeps_angular_momentum_and_energy(world, pool):
@@ -305,7 +308,7 @@ def test_bits_do_not_depend_on_threads_or_lists(world, d, driven, monkeypatch):
     scene = busy_scene(world, threads=2, d=d, driven=driven)
     scene.skin *= 2.5
     assert digest_after(scene, scene.rebuild) == serial_digest(HISTORY, d, driven)
-    assert serial_digest(HISTORY, d, True) != serial_digest(HISTORY, d)
+    assert not driven or serial_digest(HISTORY, d, True) != serial_digest(HISTORY, d)
 
 
 @pytest.mark.mpi(min_size=2)
