@@ -28,6 +28,7 @@ SMALL = 6  # spacings across a repulsive body, below which the force on it is of
 EDGE = 2  # spacings beside an edge that read low where a jet leaves it: the outer one nothing, the next two thirds
 COARSE = 100  # u dp/nu, beyond which the scheme dissipates more than the viscosity, and layers at walls are thinner
 CONTACT = 16  # spacings that a front goes into a wall until its pressure is right: until 4 half as large again or more
+MOST_CLIPPED = 0.5  # of the places of a fluid: more is hardly meant
 STIFF = 50  # c0 / vmax, below which a stress of the strain rate lets a wave of two spacings grow
 WAVES = (1.0, 1.15, 1.3, 1.4, 1.5, 1.6, 2.0), (-5.4, -2.2, -4.3, -4.0, -0.6, 0.0, -0.2)  # h / dp, error in %
 FEWEST = 1.3  # h/dp, below which hardly anything but that period is measured; papers have cases with it
@@ -269,8 +270,10 @@ def filling(config: SphConfig, scene: Scene) -> Iterator[Derived]:
             tanks = [wall for wall in scene.walls if wall.name == name and not wall.section.solid]
             outside = name == DOMAIN or any(reaches_into(wall, fluid) for wall in tanks)
             share = gone / places
-            verdict = "fail" if nothing else "warn" if outside else "ok"
+            mostly = share > MOST_CLIPPED
+            verdict = "fail" if nothing else "warn" if outside or mostly else "ok"
             cure = "nothing is left of it" if nothing else "part of the shape holds no fluid" if outside else ""
+            cure = cure or (f"{name} fills its shape with what is solid" if mostly else "")
             if cure and any(wall.shape.plane for wall in tanks):
                 cure += f"; the normal of {name} points into the fluid"
             elif cure and tanks:

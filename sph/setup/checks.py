@@ -287,7 +287,7 @@ def wall_faults(wall: Wall, d: int) -> Iterator[Fault]:
 
 def body_faults(wall: Wall, body: Body, d: int) -> Iterator[Fault]:
     if not wall.solid:
-        yield (), "only a solid can be a body: solid = true"
+        yield (), "only a solid can be a body: solid = true, which fills its shape; a box with open faces is hollow"
     if wall.motion:
         yield (), "the wall has a motion: it moves as that says, or as a body by the forces on it"
     if wall.shape.plane:

@@ -201,6 +201,12 @@ def test_what_was_clipped_is_told():
     gone = TANK.replace("low = [0.0, 0.0]; high = [1.0, 0.5]", "low = [0.1, 1.2]; high = [0.9, 1.5]")
     numbers = {n.name: n for n in derived(configure(loads(gone)))}
     assert numbers["fluid_1 clipped by the domain"].verdict == "fail"
+    for high, verdict in (("[0.2, 0.2]", "ok"), ("[0.9, 0.9]", "warn")):  # of a solid that should have been hollow
+        shape = f"box = {{ low = [0.0, 0.0]; high = {high}; }};"
+        block = f'wall = ( {{ name = "block"; solid = true; shape = {{ {shape} }}; }} );'
+        numbers = {n.name: n for n in derived(configure(loads(TANK[: TANK.index("wall = (")] + block)))}
+        number = numbers["fluid_1 clipped by block"]
+        assert number.verdict == verdict and ("solid" in number.cure) == (verdict == "warn")
 
 
 def test_a_wall_thinner_than_the_spacing_is_refused():
