@@ -7,7 +7,7 @@ from sph_scenes import by_id, config, engine, jitter, layers, tank
 from hpcpic.core.errors import ConfigError, Diverged
 
 AIR = {"densities": (1000.0, 1.25), "ambient": 2e4, "spacing": 0.0625}
-OIL = {"densities": (1000.0, 250.0), "viscosities": (4.0, 0.5), "form": "morris"}
+OIL = {"densities": (1000.0, 250.0), "viscosities": (4.0, 0.5), "form": "morris", "flux": "delta"}
 ROUNDING = 1e-11  # of ten steps, relative to the largest value
 
 
@@ -45,7 +45,7 @@ def test_units_that_differ_by_a_power_of_two_give_the_same_bits(ambient):
     """Lengths and times 8 times as large, densities 4 times: the same velocities, viscosities 32 times as large."""
     small = after(5, layers(spacing=0.0625, ambient=ambient, **OIL))
     large = {"densities": (4000.0, 1000.0), "viscosities": (128.0, 16.0), "ambient": ambient and 4 * ambient}
-    case = layers(spacing=0.5, size=8.0, fill=4.0, gravity=(0.0, -9.81 / 8), form="morris", **large)
+    case = layers(spacing=0.5, size=8.0, fill=4.0, gravity=(0.0, -9.81 / 8), form="morris", flux="delta", **large)
     large = engine(case=case)
     jitter(large, amount=0.1, speed=0.1, density=0.0)
     for _ in range(5):

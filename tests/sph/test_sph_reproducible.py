@@ -15,6 +15,8 @@ wall = ( { name = "floor"; shape = { plane = { point = [0.0, 0.0]; normal = [0.0
 gauge = ( { name = "bed"; what = "wall-pressure"; at = [0.98, 0.0]; axis = "y-"; size = [0.3, 0.0]; period = 0.004; } );
 """
 
+AT_REST = EXTRAPOLATED.replace("motion = { amplitude = [0.02, 0.01]; period = 0.2; };", "")
+
 BODIES = """
 wall = ( { name = "raft"; solid = true; shape = { box = { low = [0.1, 0.3, 0.35]; high = [0.6, 0.7, 0.75]; }; };
            body = { density = 400.0; velocity = [-2.0, 0.0, 0.0]; angular_velocity = [1.0, 2.0, 3.0]; }; },
@@ -55,37 +57,40 @@ wall = ( { name = "disc"; solid = true; shape = { sphere = { centre = [0.13, 0.3
 JOBS = {
     name: {"program": "sph", "case": case, "steps": 12}
     for name, case in {
-        "layers": text(d=3, spacing=0.08, fill=(0.4, 1.0, 0.6), flux="delta", more=tank(3), balance=4),
-        "stages": text(d=2, spacing=0.04, flux="rusanov", integrator="rk3-tvd", kernel="cubic",
-                       more=tank(2, "point-symmetric-free-slip")),
+        "layers": text(d=3, spacing=0.08, fill=(0.4, 1.0, 0.6), more=tank(3), balance=4),
+        "stages": text(d=2, spacing=0.04, integrator="rk3-tvd", more=tank(2, "point-symmetric-free-slip")),
         "periodic": text(d=2, size=(1.0, 0.6), spacing=0.04, fill=(1.0, 0.4), periodic=("x",), form="cleary",
-                         viscosity=1.0, precision="single", balance=3, velocity=(2.0, 0.0),
+                         viscosity=1.0, precision="single", flux="rusanov", balance=3, velocity=(2.0, 0.0),
                          more=tank(2, "repulsive", (1.0, 0.6))),
         "extrapolated": text(d=2, size=(1.0, 0.6), spacing=0.04, fill=(1.0, 0.4), periodic=("x",), flux="delta",
-                             balance=3, velocity=(2.0, 0.0), integrator="rk3-tvd", more=EXTRAPOLATED),
+                             balance=3, velocity=(2.0, 0.0), more=EXTRAPOLATED),
         "bodies": text(d=3, size=(1.4, 1.0, 1.0), spacing=0.1, fill=(1.4, 1.0, 0.6), periodic=("x", "y"), balance=3,
-                       integrator="predictor-corrector", more=BODIES),
+                       more=BODIES),
         "contacts": text(d=2, size=(1.0, 0.6), spacing=0.04, fill=(1.0, 0.4), flux="delta", balance=3, more=CONTACTS),
         "open": text(d=2, size=(1.0, 0.6), spacing=0.04, fill=(1.0, 0.4), flux="delta", balance=3, velocity=(6.0, 0.0),
-                     form="full-stress", viscosity=1.0, shifting="true", more=OPEN),
+                     form="full-stress", viscosity=1.0, alpha=0.0, shifting="true", more=OPEN),
         "liquids": layers(viscosities=(2.0, 0.5), size=(1.0, 0.6), spacing=0.04, fill=(1.0, 0.4), periodic=("x",),
                           form="morris", flux="delta", balance=3, velocity=(2.0, 0.0), more=EXTRAPOLATED),
         "gas": layers(densities=(1000.0, 2.0), ambient=1e4, size=(1.0, 0.6), spacing=0.04, fill=(1.0, 0.6),
-                      flux="delta", periodic=("x",), balance=3, velocity=(2.0, 0.0), more=EXTRAPOLATED),
+                      flux="delta", periodic=("x",), balance=3, velocity=(2.0, 0.0), more=AT_REST),
         "sliding": text(d=2, size=(1.0, 0.6), spacing=0.04, fill=(1.0, 0.4), flux="delta", balance=3, more=SLIDING),
         "turning": layers(viscosities=(2.0, 0.5), size=(1.0, 0.6), spacing=0.04, fill=(1.0, 0.4), periodic=("x",),
-                          form="morris", flux="delta", balance=3, more=TURNING),
-        "torn": torn(),
+                          form="morris", flux="delta", alpha=0.0, balance=3, more=TURNING),
+        "torn": torn().replace("symplectic", "predictor-corrector"),
     }.items()
 }  # fmt: skip
 
 
 def test_same_bits_for_any_ranks_and_threads_and_after_restarts(tmp_path):
+    """Parts of a run are taken up by more ranks, and by fewer with more threads."""
     two = {"threads": 2}
-    check_same(tmp_path, JOBS, [(1, [{}], None), (2, [two], {}), (3, [{}], {}), (1, [], two)])
+    jobs = {name: job for name, job in JOBS.items() if name != "liquids"}  # "turning" and "extrapolated" have its parts
+    check_same(tmp_path, jobs, [(1, [{}], {}), (3, [{}], {}), (2, [two], two)])
 
 
-@pytest.mark.parametrize("name", JOBS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.validation] * (name == "liquids")) for name in JOBS]
+)
 def test_a_checkpoint_with_other_arrays_is_refused(tmp_path, name):
     with running(World.alone(), "sph", JOBS[name]["case"]) as app:
         check_other_arrays_are_refused(app, tmp_path)

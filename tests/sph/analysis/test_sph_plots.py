@@ -308,7 +308,7 @@ BODY_IN_SPACE = """
 simulation = { dimensions = 3; end_time = 0.2; };
 gravity = [0.0, 0.0, -9.81];
 fluid = ( { name = "water"; shape = { box = { low = [0.0, 0.0, 0.0]; high = [0.4, 0.4, 0.1]; }; }; } );
-numerics = { spacing = 0.02; };
+numerics = { spacing = 0.03; };
 wall = (
   { name = "tank"; shape = { box = { low = [0.0, 0.0, 0.0]; high = [0.4, 0.4, 0.6]; open = ["z+"]; }; }; },
   { name = "ball"; shape = { sphere = { centre = [0.2, 0.2, 0.45]; radius = 0.06; }; }; solid = true;

@@ -137,8 +137,8 @@ def drop(**settings):
 
 
 @pytest.mark.parametrize(
-    "settings", [{}, {"flux": "rusanov", "integrator": "rk3-tvd"}, {"corrected": "true"}, {"shifting": "true"},
-                 {"precision": "single"}], ids=str
+    "settings", [{}, {"flux": "rusanov", "integrator": "rk3-tvd"}, {"shifting": "true"}, {"precision": "single"},
+                 pytest.param({"corrected": "true"}, marks=pytest.mark.validation)], ids=str
 )  # fmt: skip
 def test_a_drop_keeps_its_momentum_until_a_number_changes_in_memory(settings):
     """One velocity by 1e-3 of that of sound. In single precision rounding may change more."""

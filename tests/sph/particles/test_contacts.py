@@ -63,10 +63,17 @@ SHAPES = {
     "cylinder on ball": (3, "cylinder = { base = [-0.28, -0.1, 0.0]; top = [-0.08, 0.2, 0.1]; radius = 0.1; };",
                          "sphere = { centre = [0.3, 0.05, 0.1]; radius = 0.2; };"),
 }  # fmt: skip
+ROUGH = "box on disc", "strip on box", "boxes in 3D"  # with friction in the default run, the others without
 
 
-@pytest.mark.parametrize("shapes", SHAPES)
-@pytest.mark.parametrize("friction", [0.0, 0.5])
+@pytest.mark.parametrize(
+    ("shapes", "friction"),
+    [
+        pytest.param(shapes, friction, marks=[pytest.mark.validation] * ((shapes in ROUGH) != (friction > 0.0)))
+        for shapes in SHAPES
+        for friction in (0.0, 0.5)
+    ],
+)
 def test_two_bodies_that_collide_keep_their_momenta(shapes, friction):
     """Momentum and angular momentum to rounding; energy where nothing is lost, to 2 %: normals stay in a step."""
     d, first, second = SHAPES[shapes]
@@ -75,7 +82,7 @@ def test_two_bodies_that_collide_keep_their_momenta(shapes, friction):
     sph = engine(case=scene(body(first, push + law, "a"), body(second, law, "b", 800.0), d=d, gravity=(0.0,) * d,
                             spacing=0.04 if d == 3 else DP, more="time_step = 3e-4;"))  # fmt: skip
     before, still = momenta(sph), sph.bodies.state[1].copy()
-    run(sph, 0.35)
+    run(sph, 0.25)
     p, spins, energy = momenta(sph)
     assert np.abs(sph.bodies.state[1] - still)[7:10].max() > 0.1  # it was struck
     assert np.abs(p - before[0]).max() < 1e-12 * np.abs(before[0]).max()
@@ -125,7 +132,7 @@ def test_the_overlap_is_the_chosen_one():
     for share in (0.05, 0.2):
         law = f"velocity = [0.0, -2.0]; contact = {{ restitution = 1.0; overlap = {share}; }};"
         sph = engine(case=scene(FLOOR, body(DISC, law), gravity=(0.0, 0.0), more="time_step = 1e-5;"))
-        depth = max(run(sph, 0.012, lambda sph: 0.21 - sph.bodies.state[0][1]))  # where it began
+        depth = max(run(sph, 0.0004 + 0.022 * share, lambda sph: 0.21 - sph.bodies.state[0][1]))  # where it began
         assert depth == pytest.approx(share * DP, rel=0.01)
 
 
@@ -135,7 +142,7 @@ def test_a_dropped_body_comes_to_rest_on_the_floor(d):
     shape = f"box = {{ low = {[0.0, 0.1, 0.0][:d]}; high = {[0.2, 0.3, 0.2][:d]}; }};"
     turning = "angular_velocity = [3.0];" if d == 2 else ""
     sph = engine(case=scene(UNDER[d], body(shape, turning), d=d, gravity=(0.0, -9.81, 0.0)[:d], spacing=DP * (d - 1)))
-    run(sph, 2.0)
+    run(sph, 1.4)
     state = sph.bodies.state[0]
     assert state[1] == pytest.approx(0.1 + sph.scene.spacing, abs=0.01 * DP) and np.abs(state[7:13]).max() < 1e-6
     weight = 9.81 * sph.bodies.of[0].rigid.mass
@@ -166,7 +173,7 @@ def test_bodies_touch_a_spacing_apart_once_they_were():
     for up, apart in ((0.3 * DP, 0.0), (2 * DP, DP)):
         standing.bodies.state[0][1] += up
         run(standing, standing.time + 0.02, lambda sph: sph.bodies.state[0][1])
-        run(standing, standing.time + 0.6)
+        run(standing, standing.time + 0.4)
         assert standing.bodies.state[0][1] == pytest.approx(0.1 + apart, abs=0.01 * DP)
 
 
@@ -213,27 +220,35 @@ def test_friction_holds_on_a_slope_up_to_its_angle(friction, slides):
         assert rate == pytest.approx(pull[0] + friction * pull[1], rel=2e-3)
     else:
         place = sph.bodies.state[0][0]
-        run(sph, 0.8)
+        run(sph, 0.6)
         assert sph.bodies.state[0][0] - place == pytest.approx(0.0, abs=1e-6 * DP)
+
+
+def line_of(stiffness, more):
+    return f"""mooring = ( {{ at = [0.2, 0.2]; anchor = [0.2, 1.2]; stiffness = {stiffness}; length = 0.9;
+                             {more} }} );"""
 
 
 @pytest.mark.parametrize("integrator", ["symplectic", "rk3-tvd"])
 def test_a_moored_mass_swings_as_its_spring_says(integrator):
-    """Frequency and damping of k, m and c; a taut line only pulls, so that it gives a half of a swing."""
+    """Frequency and damping of k, m and c."""
     mass, stiffness, damping = 40.0, 9000.0, 60.0
-    spring = f"""mooring = ( {{ at = [0.2, 0.2]; anchor = [0.2, 1.2]; stiffness = {stiffness}; length = 0.9;
-                               damping = {damping}; pushes = true; }} );"""
+    spring = line_of(stiffness, f"damping = {damping}; pushes = true;")
     sph = engine(case=scene(body(more=spring), gravity=(0.0, 0.0), more=f'integrator = "{integrator}";'))
-    seen = np.array(run(sph, 1.0, lambda sph: (sph.time, sph.bodies.state[0][1])))
+    seen = np.array(run(sph, 0.6, lambda sph: (sph.time, sph.bodies.state[0][1])))
     rate, free = damping / (2 * mass), math.sqrt(stiffness / mass)
     swing = math.sqrt(free**2 - rate**2)
     t = seen[:, 0]
     known = 0.3 - 0.1 * np.exp(-rate * t) * (np.cos(swing * t) + rate / swing * np.sin(swing * t))
     assert np.abs(seen[:, 1] - known).max() < 1e-4  # of 0.1: 2nd order in the short steps
-    sph = engine(case=scene(body(more=spring.replace("pushes = true;", "").replace("60.0", "0.0")), gravity=(0.0, 0.0)))
+
+
+def test_a_taut_line_only_pulls():
+    """So that it gives a half of a swing."""
+    sph = engine(case=scene(body(more=line_of(9000.0, "damping = 0.0;")), gravity=(0.0, 0.0)))
     run(sph, 0.3)
     state = sph.bodies.state[0]
-    assert state[8] == pytest.approx(0.1 * free, rel=1e-3)  # it flies on, the line is slack
+    assert state[8] == pytest.approx(0.1 * math.sqrt(9000.0 / 40.0), rel=1e-3)  # it flies on, the line is slack
     assert sph.scalars()["mooring_box_1"] == 0.0
 
 
@@ -252,7 +267,7 @@ def test_a_box_on_a_hinge_is_a_physical_pendulum(d):
     free = math.sqrt(g * arm / gyration)
     largest = 0.2 / free
     period = 2 * math.pi / free * (1 + largest**2 / 16)  # next order of the amplitude
-    seen = np.array(run(sph, 2.3 * period, lambda sph: (sph.time, *sph.bodies.state[0])))
+    seen = np.array(run(sph, 1.9 * period, lambda sph: (sph.time, *sph.bodies.state[0])))
     t, spins = seen[:, 0], seen[:, 13]
     rising = np.flatnonzero((spins[:-1] < 0) & (spins[1:] >= 0))
     ends = t[rising] - spins[rising] * np.diff(t)[rising] / np.diff(spins)[rising]
@@ -278,7 +293,7 @@ def test_a_scene_turned_by_a_right_angle_does_the_same():
     lying = engine(case=scene(wall, body(shape, turned_line + "angular_velocity = [1.0];"), gravity=(-9.81, 0.0),
                               sizes=(-3.0, 2.0)))  # fmt: skip
     for one in (upright, lying):
-        run(one, 0.6)
+        run(one, 0.45)
     a, b = upright.bodies.state[0], lying.bodies.state[0]
     assert np.abs(upright.bodies.ledger).max() > 0.0
     assert np.allclose([-b[1], b[0], -b[8], b[7], b[12]], [*a[0:2], *a[7:9], a[12]], rtol=0, atol=1e-8)

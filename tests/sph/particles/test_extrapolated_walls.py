@@ -29,7 +29,7 @@ def expected(sph):
 
 @pytest.mark.parametrize(
     "settings, motion, tolerance",
-    [({"d": 2}, SHAKEN, 1e-12), ({"d": 2, "precision": "single", "integrator": "euler"}, "", 2e-5),
+    [({"d": 2}, SHAKEN, 1e-12), ({"d": 2, "precision": "single"}, "", 2e-5),
      ({"d": 3, "spacing": 0.1, "size": (1.0, 1.0, 1.4)}, "", 1e-12)],
 )  # fmt: skip
 def test_their_density_is_the_mean_of_the_fluid_carried_on_as_at_rest(settings, motion, tolerance):
@@ -96,7 +96,7 @@ def test_friction(kind, form):
     """A stream along a plane feels nothing where it slips."""
     plane = f'wall = ( {{ type = "{kind}"; shape = {{ plane = {{ point = [0.0, 0.0]; normal = [0.0, 1.0]; }}; }}; }} );'
     sph = engine(fill=(1.0, 0.5), periodic=("x",), more=plane, form=form, viscosity=5.0, velocity=(2.0, 0.0),
-                 gravity=(0.0, 0.0), pressure="zero")  # fmt: skip
+                 gravity=(0.0, 0.0), pressure="zero", alpha=0.0)  # fmt: skip
     jitter(sph, speed=0.0, density=0.0)
     sph.evolution.evaluate_forces()
     drag = np.abs(by_id(sph, "a")[0]).max()
@@ -131,7 +131,7 @@ def test_a_sheet_that_is_stretched_along_a_wall_does_not_creep_through(precision
     assert sph.storage.physical("x", sph.storage.fluid_slots)[:, 0].min() > -0.1 * sph.scene.spacing
 
 
-@pytest.mark.parametrize("smoothing", [1.6, 2.0])
+@pytest.mark.parametrize("smoothing", [pytest.param(1.6, marks=pytest.mark.validation), 2.0])
 def test_a_jet_does_not_enter_a_wall_between_four_of_its_particles(smoothing):
     """It comes with c0 / 10 and leaves sideways with twice that. With cores of 0.7 spacings, which do not reach the
     middle of four, particles got 2.2 spacings deep with h/dp 2.0. The wall gives no energy.
@@ -142,7 +142,7 @@ def test_a_jet_does_not_enter_a_wall_between_four_of_its_particles(smoothing):
                  smoothing=smoothing, velocity=(0.0, 0.0, -5.0), gravity=(0.0,) * 3, pressure="zero", sound=50.0,
                  alpha=0.02, flux="delta", cfl=0.85, more=f"wall = ( {{ shape = {{ {plane} }}; }} );")  # fmt: skip
     deepest, energy = 0.0, sph.scalars()["energy_total"]
-    while sph.time < 0.2:
+    while sph.time < 0.13:  # all of it has come after 0.1 s
         sph.step()
         off = (sph.storage.physical("x", sph.storage.fluid_slots) - [0.0, 0.0, 0.03]) @ normal
         deepest = max(deepest, -off.min() / sph.scene.spacing)

@@ -20,7 +20,7 @@ def check(tolerance, density=5.0, **settings):
 
 def both(*cases):
     """Cases with both sums in one (euler), and one after the other (symplectic). By default with one of them, the first
-    of each: kernels of one case take 2 to 7 s to compile.
+    of each, or none: kernels of one case take 2 to 7 s to compile.
     """
     return [
         pytest.param(integrator, *case, marks=[] if integrator == chosen else pytest.mark.validation)
@@ -43,13 +43,13 @@ def test_sums_are_those_over_all_pairs(integrator, d, flux):
 
 
 @pytest.mark.parametrize(
-    "integrator, kernel", both(("euler", "cubic"), ("symplectic", "wendland4"), ("euler", "quintic"))
+    "integrator, kernel", both(("euler", "cubic"), ("euler", "wendland4"), ("euler", "quintic"))
 )
 def test_sums_with_other_kernels(integrator, kernel):
     check(ROUNDING, integrator=integrator, d=2, kernel=kernel, periodic=("y",))
 
 
-@pytest.mark.parametrize("integrator, flux", both(("euler", "none"), ("symplectic", "molteni")))
+@pytest.mark.parametrize("integrator, flux", both(("", "none"), ("symplectic", "molteni")))
 def test_rates_by_masses_are_those_over_all_pairs(integrator, flux):
     check(ROUNDING, integrator=integrator, d=2, flux=flux, continuity="masses", density=50.0)
 
@@ -88,6 +88,7 @@ def test_corrected_gradients_are_exact_for_linear_fields():
 def test_moments_are_those_over_all_pairs_and_move_no_bit(d, precision):
     """In 3D the storage has the axis of gravity first. A run that tells them goes on as one that does not."""
     settings = {"d": d, "size": (1.0, 1.0, 1.3)[:d], "spacing": 0.05 if d == 2 else 0.08, "precision": precision}
+    settings |= {} if d == 2 else {"flux": "delta"}  # for kernels that others have
     told, plain = (engine(**settings, more=more) for more in ("output = { moments = true; };", ""))
     for sph in (told, plain):
         jitter(sph)
@@ -193,7 +194,7 @@ def test_a_still_patch_has_no_acceleration_inside():
 
 
 def test_coincident_particles_do_not_push_each_other():
-    sph = engine(integrator="euler", d=2, kernel="cubic", gravity=(0.0, 0.0))
+    sph = engine(integrator="euler", d=2, kernel="cubic", gravity=(0.0, 0.0), periodic=("y",))
     first, second = sph.storage.own_slots[:2]
     sph.storage.x[:, second] = sph.storage.x[:, first]
     sph.sort()
