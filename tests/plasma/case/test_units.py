@@ -33,24 +33,29 @@ species = (
 """
 
 
-def twins(d, precision="double"):
+def twins(d, precision="double", magnetic=0.2):
     """The same plasma in SI and in units of 1/wp, lambda_D and the electron."""
     lengths, points, mode = (12.0, 6.0)[:d], (16, 8)[:d], (1, 1)[:d]
     shared = {"points": list(points), "mode": list(mode)}
     si = PHYSICAL.format(
-        dt=0.1 / WP, lengths=[length * DEBYE for length in lengths], magnetic=0.2 * WP * SI.mass / SI.charge,
+        dt=0.1 / WP, lengths=[length * DEBYE for length in lengths], magnetic=magnetic * WP * SI.mass / SI.charge,
         density=DENSITY, temperature=TEMPERATURE, drift=[0.5 * SPEED] * d, **shared,
     )  # fmt: skip
     one = PHYSICAL.format(
-        dt=0.1, lengths=list(lengths), magnetic=0.2, density=1.0, temperature=1.0, drift=[0.5] * d, **shared
+        dt=0.1, lengths=list(lengths), magnetic=magnetic, density=1.0, temperature=1.0, drift=[0.5] * d, **shared
     ).replace('"SI"', '"normalised"')
     return [configure(loads(text, sets=[f"numerics.precision={precision}"])) for text in (si, one)]
 
 
-@pytest.mark.parametrize("d, precision, close", [(1, "double", 1e-9), (2, "double", 1e-9), (2, "single", 2e-3)])
-def test_a_run_in_si_units_is_its_normalised_twin_scaled(world, d, precision, close):
+@pytest.mark.parametrize("d, precision, magnetic, close", [
+    (1, "double", 0.0, 1e-9), (2, "double", 0.2, 1e-9), (2, "single", 0.0, 2e-3),
+    pytest.param(1, "double", 0.2, 1e-9, marks=pytest.mark.validation),
+    pytest.param(2, "single", 0.2, 2e-3, marks=pytest.mark.validation),
+])  # fmt: skip
+def test_a_run_in_si_units_is_its_normalised_twin_scaled(world, d, precision, magnetic, close):
+    """By default in modules of kernels that other tests compile, too."""
     found = []
-    for config in twins(d, precision):
+    for config in twins(d, precision, magnetic):
         with running(world, "hpcpic", config) as app:
             for _ in range(20):
                 app.step()

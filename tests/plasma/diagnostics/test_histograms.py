@@ -32,6 +32,7 @@ histogram = ( { name = "fv"; species = "e"; of = ["vx"]; bins = [40]; }, { name 
 LINE = ("species[0].plasma_frequency=0.1", "species[1].plasma_frequency=0.01",
         "simulation.space_length=[1000.0]", "grid.points=[700]",
         "species[0].drift_velocity=[1.0]", "field.magnetic=[0.0, 0.0, 0.0]", "numerics.precision=single",
+        "numerics.shape=NGP",
         'histogram[1].of=["vx"]',
         'histogram[2].of=["x", "vx"]', 'histogram[3].of=["x"]')  # fmt: skip
 SCENES = {"2D": (), "1D single": LINE}

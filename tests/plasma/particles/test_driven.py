@@ -34,7 +34,10 @@ def named(monkeypatch):
     monkeypatch.setitem(accelerations.ACCELERATIONS, "falling", falling)
 
 
-@pytest.mark.parametrize("d, magnetic", [(2, [0.0, 0.0, 2.0]), (3, [0.0, 0.0, 2.0]), (3, [1.0, -0.5, 2.0])])
+@pytest.mark.parametrize("d, magnetic", [
+    (2, [0.0, 0.0, 2.0]), (3, [1.0, -0.5, 2.0]),
+    pytest.param(3, [0.0, 0.0, 2.0], marks=pytest.mark.validation),  # a module of kernels for it alone
+])  # fmt: skip
 def test_an_acceleration_moves_a_particle_as_the_field_does(d, magnetic):
     """To rounding: half of it acts before the turn in the magnetic field and half after, also as velocities rewind."""
     (x, v, late), (expected, speed, _) = run(magnetic, d, True), run(magnetic, d, False)
