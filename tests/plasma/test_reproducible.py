@@ -46,10 +46,9 @@ def cut(threads, blocks):
 @pytest.mark.timeout(300)  # it may have to compile a minute's worth of kernels
 def test_ranks_threads_blocks_and_restarts(tmp_path):
     launches = [
-        (1, [cut(1, 1), cut(2, 9)], None),
         (2, [cut(1, 4), cut(2, 1)], cut(1, 4)),
         (3, [cut(1, 9)], cut(1, 1)),
-        (1, [], cut(2, 9)),
+        (1, [cut(1, 1), cut(2, 9)], cut(2, 9)),
     ]
     check_same(tmp_path, jobs(LAWS), launches)
 

@@ -1,6 +1,7 @@
 """Processes that compile together: whatever becomes of one of them, a run gives the same bits from the same files."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -9,10 +10,11 @@ from pathlib import Path
 
 import pytest
 
+COUNT = 4  # of kernels, beside the one that all call
 KERNELS = "\n".join(
     ["from hpcpic.core.simd.compile import njit", "@njit\ndef shared(x):\n    return x * x + 1.5"]
     + [f"@njit\ndef one{k}(out):\n    for i in range(len(out)):\n        out[i] += shared(out[i] + {k}.0)"
-       for k in range(6)]
+       for k in range(COUNT)]
 )  # fmt: skip
 PROGRAM = f"""
 import sys
@@ -23,7 +25,7 @@ from hpcpic.core.tasks.graph import Graph, Pool, bind
 module = module_from_source({KERNELS!r}, "many")
 team._cores = {{*range(2)}} if sys.argv[1] == "2" else team._cores
 pool, out, graph = Pool(int(sys.argv[1])), np.arange(5.0), Graph()
-for k in range(6):
+for k in range({COUNT}):
     graph.task(bind(getattr(module, f"one{{k}}"), out=out), inouts=["out"])
 print(*[helper.process.pid for helper in team._helpers], flush=True)
 sys.stdin.readline()
@@ -68,11 +70,11 @@ def gone(pid: int, seconds: float = 20.0) -> bool:
 
 @pytest.fixture(scope="module")
 def alone(tmp_path_factory):
-    """What one process computes, and the names of the files that it keeps."""
+    """What one process computes, the names of the files that it keeps, and where."""
     cache = tmp_path_factory.mktemp("alone")
     started = Started(cache, 1)
     assert not started.helpers
-    return started.end(), kept(cache)
+    return started.end(), kept(cache), cache
 
 
 def test_a_helper_changes_neither_bits_nor_files_and_leaves_with_the_run(tmp_path, alone):
@@ -84,7 +86,9 @@ def test_a_helper_changes_neither_bits_nor_files_and_leaves_with_the_run(tmp_pat
     assert {*alone[1]} <= {*kept(tmp_path)} and not [name for name in kept(tmp_path) if name.endswith(".tmp")]
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGSTOP])
+@pytest.mark.parametrize(
+    "number", [signal.SIGKILL, pytest.param(signal.SIGTERM, marks=pytest.mark.validation), signal.SIGSTOP]
+)
 def test_a_run_goes_on_without_its_helper(tmp_path, alone, number):
     started = Started(tmp_path, 2)
     (helper,) = started.helpers
@@ -132,7 +136,7 @@ module = module_from_source({KERNELS!r}, "many")
 types = (types.Array(float64, 1, "C"),)
 team._compile = lambda texts, name: team.Job(getattr(module, name), types).done(0)
 read, told = os.pipe()
-for k in range(6):
+for k in range({COUNT}):
     os.write(told, team.pickle.dumps(((), f"one{{k}}")))
 os.dup2(read, 0)
 made.clear()
@@ -140,14 +144,14 @@ team.serve({{0}})
 """
 
 
-@pytest.mark.parametrize("number", [1, 2, 3, 4])
+@pytest.mark.parametrize("number", [1, 2, pytest.param(3, marks=pytest.mark.validation), 4])
 def test_a_helper_that_is_interrupted_keeps_no_kernel_without_its_parts(tmp_path, number):
     """Others would load the kernel and never make the part."""
     environment = os.environ | {"HPCPIC_CACHE_DIR": str(tmp_path)}
     subprocess.run([sys.executable, "-c", SWALLOWED, str(number)], env=environment, timeout=120, check=True)
     names = [name.partition("-")[0] for name in kept(tmp_path)]
     assert "shared" in names or not [name for name in names if name.startswith("one")]
-    assert len(names) < 7
+    assert len(names) < COUNT + 1
 
 
 def test_one_thread_after_two_has_no_helper(tmp_path):
@@ -166,7 +170,10 @@ def test_no_helper_where_nothing_can_be_kept(tmp_path, alone):
 
 
 def test_a_damaged_file_is_made_anew(tmp_path, alone):
-    Started(tmp_path, 2).end()
-    for path in tmp_path.rglob("*.kernel"):
+    shutil.copytree(alone[2], cache := tmp_path / "cache")
+    damaged = [*cache.rglob("*.kernel")]
+    for path in damaged:
         path.write_bytes(path.read_bytes()[:-7])
-    assert Started(tmp_path, 2).end() == alone[0] == Started(tmp_path, 1).end()
+    assert Started(cache, 2).end() == alone[0] == Started(cache, 1).end()
+    whole = {path.relative_to(cache): path.stat().st_size for path in damaged}
+    assert whole and whole == {name: (alone[2] / name).stat().st_size for name in whole}

@@ -404,13 +404,24 @@ anything = st.recursive(
 )
 
 
-@settings(max_examples=300)
-@given(st.dictionaries(keys | st.sampled_from(["plot", "method", "period"]), anything))
-def test_no_tree_breaks_the_validation(data):
+def no_tree_breaks_the_validation(data):
     try:
         configure(Tree(data=data))
     except ConfigError as error:
         assert error.messages and all("\n" not in message for message in error.messages)
+
+
+def tried(few, many, strategy, law):
+    """A law of any example, of few of them and, with the validation, of many."""
+    return settings(max_examples=few)(given(strategy)(law)), pytest.mark.validation(
+        settings(max_examples=many)(given(strategy)(law))
+    )
+
+
+test_no_tree_breaks_the_validation, test_none_of_many_trees_does = tried(
+    100, 300, st.dictionaries(keys | st.sampled_from(["plot", "method", "period"]), anything),
+    no_tree_breaks_the_validation,
+)  # fmt: skip
 
 
 FULL = """
@@ -428,9 +439,7 @@ plot = { size = [1, 2]; };
 PATHS = sorted(loads(FULL).places, key=str)
 
 
-@settings(max_examples=400)
-@given(st.lists(st.tuples(st.sampled_from(PATHS), anything), min_size=1, max_size=3))
-def test_no_setting_of_a_wrong_kind_breaks_the_validation(changes):
+def no_setting_of_a_wrong_kind_breaks_the_validation(changes):
     tree = loads(FULL)
     for path, value in changes:
         parent = tree.data
@@ -444,6 +453,12 @@ def test_no_setting_of_a_wrong_kind_breaks_the_validation(changes):
         assert error.messages and all(message.startswith("case:") for message in error.messages)
     else:
         assert read(dump(config))[0] == config
+
+
+test_no_setting_of_a_wrong_kind_breaks_the_validation, test_none_of_many_settings_does = tried(
+    150, 400, st.lists(st.tuples(st.sampled_from(PATHS), anything), min_size=1, max_size=3),
+    no_setting_of_a_wrong_kind_breaks_the_validation,
+)  # fmt: skip
 
 
 def test_fields_from_outside_keep_no_more_than_they_can():

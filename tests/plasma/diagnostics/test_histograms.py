@@ -10,7 +10,9 @@ from plasma_cases import advanced
 from scipy.special import ndtr
 
 import hpcpic
+from hpcpic.__main__ import load_app
 from hpcpic.core.case.config import loads
+from hpcpic.core.cli.main import build
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.files.histograms import FILE, HistogramsWriter, read_histogram
@@ -170,11 +172,10 @@ def test_mistakes_are_told_with_their_key(sets, text):
 def test_a_run_and_its_restart_hold_the_same(tmp_path):
     """A run in one piece, and one that ends at step 5 and goes on on two ranks."""
     (tmp_path / "case.conf").write_text(PLANE)
-    words = ["--set", "output.every.histograms=2"]
     for folder, steps in (("whole", 8), ("parts", 5)):
-        done = launch(1, "-m", "hpcpic", "run", str(tmp_path / "case.conf"), "-o", str(tmp_path / folder), *words,
-                      "--set", f"simulation.cycles={steps}")  # fmt: skip
-        assert done.returncode == 0, done.stderr
+        case = hpcpic.Case(tmp_path / "case.conf")
+        case = case.changed({"output.every.histograms": 2, "simulation.cycles": steps})
+        case.run(tmp_path / folder, threads=1, quiet=True)
     done = launch(2, "-m", "hpcpic", "restart", str(tmp_path / "parts"), "--until", "1.6")
     assert done.returncode == 0, done.stderr
     whole, parts = (hpcpic.open_run(tmp_path / folder) for folder in ("whole", "parts"))
@@ -185,8 +186,9 @@ def test_a_run_and_its_restart_hold_the_same(tmp_path):
     assert whole.histogram("fv").vx.attrs["units"] == "m/s" and whole.histogram("phase").attrs["units"] == "s/m2"
     figure = whole.plot("histograms", step=2)
     assert len(figure.axes) == 4 + 2 and not unreadable(figure)  # two maps with their scales
-    done = launch(1, "-m", "hpcpic", "plot", str(tmp_path / "whole"), "histograms", "--format", "gif")
-    assert done.returncode == 0, done.stderr
+    with pytest.raises(SystemExit) as end:
+        build(load_app, "hpcpic", "").main(["plot", str(tmp_path / "whole"), "histograms", "--format", "gif"])
+    assert end.value.code == 0 and [*(tmp_path / "whole").rglob("*.gif")]
 
 
 def test_rows_behind_a_restart_are_written_over(world, tmp_path):
