@@ -302,7 +302,7 @@ ON_RANKS = {
 
 
 def test_extremes_on_ranks(tmp_path):
-    """The same bits, scalars and numbers on 1, 2 and 3 ranks; on one in this process."""
+    """Bits, scalars and numbers are the same on 1, 2 and 3 ranks; on one in this process."""
     jobs = [{"program": "hpcpic", "case": HOT, "sets": sets, "steps": 20} for sets in ON_RANKS.values()]
     made = {ranks: outcomes(tmp_path, ranks, jobs) for ranks in (2, 3)}
     made[1] = [outcome(World.alone(), job) for job in jobs]
