@@ -108,8 +108,9 @@ def environment(**extra: str) -> dict[str, str]:
 
 
 def launch(ranks: int, *words: str, **options: Any) -> subprocess.CompletedProcess[str]:
-    """A Python command line on so many ranks, to the end."""
-    command = [str(MPIRUN), "-n", str(ranks), sys.executable, *words]
+    """A Python command line on so many ranks, to the end; on one without a launcher."""
+    launcher = [str(MPIRUN), "-n", str(ranks)] if ranks > 1 else []
+    command = [*launcher, sys.executable, *words]
     return subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=TIMEOUT_S, **options)
 
 

@@ -1,10 +1,7 @@
 """Ranks of a Python program: they make the same calls of the same cases, and none waits in silence."""
 
-import subprocess
-import sys
-from pathlib import Path
-
 import pytest
+from app_runner import launch
 
 import hpcpic
 
@@ -32,8 +29,7 @@ meeting.TELL_SECONDS = 0.5
 with hpcpic.Case("plasma-oscillation").simulation(threads=1) as sim:
     {call}
 """)
-    launcher = [str(Path(sys.executable).with_name("mpirun")), "-n", "2", sys.executable, "-m", "mpi4py"]
-    done = subprocess.run([*launcher, str(tmp_path / "parts.py")], capture_output=True, text=True, timeout=100)
+    done = launch(2, "-m", "mpi4py", str(tmp_path / "parts.py"))
     assert (done.returncode != 0) == bool(status) and told in done.stderr, done.stderr
 
 
@@ -59,7 +55,6 @@ for make in (case.simulation, lambda threads: case.run({str(tmp_path / "run")!r}
     except hpcpic.ConfigError as error:
         sys.stdout.write(f"{{rank}} {{error.message}}\\n")
 """)
-    launcher = [str(Path(sys.executable).with_name("mpirun")), "-n", "2", sys.executable, "-m", "mpi4py"]
-    done = subprocess.run([*launcher, str(tmp_path / "parts.py")], capture_output=True, text=True, timeout=100)
+    done = launch(2, "-m", "mpi4py", str(tmp_path / "parts.py"))
     assert done.returncode == 0 and done.stdout.count(told) == 4, done.stdout + done.stderr
     assert not (tmp_path / "run").exists()

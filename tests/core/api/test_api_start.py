@@ -1,11 +1,10 @@
 """Cases that start from arrays in Python, and copies of cases."""
 
 import pickle
-import subprocess
-import sys
 
 import numpy as np
 import pytest
+from app_runner import launch
 
 import hpcpic
 import lbmdem
@@ -35,8 +34,8 @@ def test_a_run_that_starts_from_arrays_keeps_them(tmp_path):
     short = hpcpic.Case(tmp_path / "mine.conf").changed({"simulation.cycles": 4})
     short.run(tmp_path / "run", threads=1, quiet=True)
     (tmp_path / "mine-start-1.npz").unlink()
-    words = [sys.executable, "-m", "hpcpic", "restart", str(tmp_path / "run"), "--set", "simulation.cycles=8"]
-    assert subprocess.run(words, capture_output=True).returncode == 0
+    words = ("-m", "hpcpic", "restart", str(tmp_path / "run"), "--set", "simulation.cycles=8")
+    assert launch(1, *words).returncode == 0
     assert hpcpic.open_run(tmp_path / "run").digest == digest
 
 

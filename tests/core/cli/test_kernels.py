@@ -1,15 +1,11 @@
 """check --kernel: the source of kernels that are written for a case."""
 
-import subprocess
-import sys
-
 import pytest
-from app_runner import environment
+from app_runner import launch
 
 
 def check(program, case, name):
-    command = [sys.executable, "-m", program, "check", case, "--kernel", name]
-    return subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=120)
+    return launch(1, "-m", program, "check", case, "--kernel", name)
 
 
 @pytest.mark.parametrize(

@@ -3,11 +3,9 @@
 import hashlib
 import json
 import os
-import subprocess
-import sys
 
 import pytest
-from app_runner import environment, launch
+from app_runner import launch
 
 from hpcpic.core.app.use import import_kept
 from hpcpic.core.errors import ConfigError
@@ -42,16 +40,15 @@ def folder(tmp_path):
 
 
 def hpcpic(folder, *words):
-    command = [sys.executable, "-m", "hpcpic", *words]
-    return subprocess.run(command, cwd=folder, env=environment(), capture_output=True, text=True, timeout=120)
+    return launch(1, "-m", "hpcpic", *words, cwd=folder)
 
 
 DRAW = "import hpcpic; run = hpcpic.open_run('a'); run.plot('modes')"
 
 
 def python(folder, program):
-    words = [sys.executable, "-c", program]
-    return subprocess.run(words, cwd=folder, env=environment(), capture_output=True, text=True, timeout=120)
+    (folder / "program.py").write_text(program)
+    return launch(1, "program.py", cwd=folder)
 
 
 def test_a_loader_from_a_file_runs_is_kept_and_goes_on_without_the_file(folder):

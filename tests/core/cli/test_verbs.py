@@ -334,8 +334,7 @@ def test_doctor_is_exit_3_when_cores_are_oversubscribed(toy, ranks):
     ],
 )
 def test_tables_as_json_hold_the_numbers_behind_their_cells(words, column, first):
-    command = [sys.executable, "-m", "hpcpic", *words.split(), "--json"]
-    done = subprocess.run(command, capture_output=True, text=True, env=environment(), check=False)
+    done = launch(1, "-m", "hpcpic", *words.split(), "--json")
     answer = json.loads(done.stdout)
     row = answer["tables"][0][0]
     assert first in (None, row[column])
