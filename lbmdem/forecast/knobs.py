@@ -1,4 +1,4 @@
-"""What can be turned in an LBM-DEM case, and what is asked of it: permeability, energy, momentum, a grain's motion."""
+"""What can be turned in an LBM-DEM case, and what is asked of it: drag, permeability, energy, momentum."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ import numpy as np
 from hpcpic.core.app.knobs import Choice, Knob, Knobs, Quantity, Seen
 from hpcpic.core.case.dump import group_lines
 from hpcpic.core.case.texts import value_text
+from hpcpic.core.study.quantities import interval, mean, reduced
 from lbmdem.case.config import AXES, LbmDemConfig, seeps
 from lbmdem.forecast.driven import between_faces
+from lbmdem.forecast.free_fall import stays
 from lbmdem.forecast.plan import grain_count
 from lbmdem.physics.collision import COLLISIONS
 from lbmdem.physics.velocity_sets import CS2
@@ -194,39 +196,82 @@ def work(config: LbmDemConfig) -> float:
 
 def quantities_of(config: LbmDemConfig, time: float) -> list[Quantity]:
     """The one that the case is about first. time [s]: of the whole run."""
-    moving = any(grains.moving for grains in config.grains)
+    moving = any(not stays(config, grains) for grains in config.grains)
     if config.fluid is None:
-        text = "kinetic energy of the grains at the end"
-        measure = partial(at_end, "energy_kinetic_grains", time)
-        return [Quantity("grain-energy", text, time, measure, why="the case has grains and no fluid")]
-    found = []
-    if seeps(config) and not moving:
-        text = "permeability at half the run"
-        why, measure = "a flow is driven through grains at rest", partial(at_end, "permeability", time / 2)
-        found.append(Quantity("permeability", text, time / 2, measure, why=why))
+        text = "mean kinetic energy of the grains over the run"
+        why = "the case has grains and no fluid, and grains that come to rest have no energy at the end"
+        measure = partial(mean_from, ["energy_kinetic_grains"], 0.0, time)
+        return [Quantity("grain-energy", text, time, measure, why=why)]
+    axis, bodies = main_axis(config), standing(config)
+    found = [] if moving else past_solids(config, axis, bodies, time)
     if moving:
         name, text = "energy_kinetic_grains", "kinetic energy of the grains in the first quarter"
         found.append(Quantity("grain-energy", text, time / 4, partial(curve, name, time / 4), why="grains move"))
     text = "kinetic energy of the fluid in the first quarter"
-    why = "nothing drives a flow through the box"
+    why = "no steady push drives a flow along an axis that is open or repeats"
     found.append(Quantity("energy", text, time / 4, partial(curve, "energy_kinetic", time / 4), why=why))
-    axis = main_axis(config)
     if axis:
         text, why = f"momentum of the fluid along {axis} in the first quarter", f"a flow is driven along {axis}"
         made = Quantity("momentum", text, time / 4, partial(curve, f"momentum_{axis}", time / 4), why=why)
-        found.insert(0 if not config.grains else len(found), made)
+        found.insert(len(found) if moving or bodies else 0, made)
     return found
+
+
+def past_solids(config: LbmDemConfig, axis: str, bodies: list[str], time: float) -> list[Quantity]:
+    """What a flow along an axis past solids that stay is asked for: their drag, or how much flows where a body force
+    drives it, which gives their drag in the end whatever the flow is.
+    """
+    if seeps(config):
+        why, measure = "a flow is driven through grains at rest", partial(at_end, "permeability", time / 2)
+        return [Quantity("permeability", "permeability at half the run", time / 2, measure, why=why)]
+    if not axis or not bodies:
+        return []
+    if pushed(config, axis):
+        text, why = f"flow rate along {axis} at half the run", f"a body force drives a flow along {axis} past solids"
+        measure = partial(at_end, f"flow_rate_{axis}", time / 2)
+        return [Quantity("flow-rate", text, time / 2, measure, why=why)]
+    columns = [f"force_{name}_{axis}" for name in bodies]
+    text = f"mean of {' + '.join(columns)} from t = {time / 2:.4g} to {time:.4g} s"
+    why = f"a flow is driven along {axis} past solids that stay"
+    measure, noise = (partial(of, columns, time / 2, time) for of in (mean_from, unsure_from))
+    return [Quantity("drag", text, time, measure, why=why, noise=noise)]
+
+
+def standing(config: LbmDemConfig) -> list[str]:
+    """Names of sets of grains and of obstacles that stay within the flow: a plane is a wall beside it."""
+    held = [grains.name for grains in config.grains if stays(config, grains)]
+    return held + [obstacle.name for obstacle in config.obstacle if obstacle.shape.plane is None]
+
+
+def pushed(config: LbmDemConfig, axis: str) -> bool:
+    force = config.liquid.body_force
+    return bool(force and force[AXES.index(axis)])
 
 
 def main_axis(config: LbmDemConfig) -> str:
     """Axis along which a flow is driven that does not end at walls; "" where none is: what a lid drives turns round,
-    and its momentum is zero in the mean.
+    and its momentum is zero in the mean. Without a force or a velocity it is one with unlike pressures at its ends.
     """
-    vectors = [config.liquid.body_force, *(face.velocity for face in config.boundary)]
+    vectors = [config.liquid.body_force, *(one.velocity for one in (*config.boundary, *config.obstacle))]
     sizes = [max((abs(v[k]) for v in vectors if len(v) > k), default=0.0) for k in range(config.dimensions)]
+    if not any(sizes):
+        faces = [face for face in config.boundary if face.type == "pressure"]
+        given: dict[str, tuple] = {f.face: (f.pressure or 0.0, f.density, f.pressure_rate) for f in faces}
+        ends = [(given.get(f"{axis}-"), given.get(f"{axis}+")) for axis in AXES[: config.dimensions]]
+        sizes = [float(None not in (low, high) and low != high) for low, high in ends]
     axis = AXES[int(np.argmax(sizes))]
-    ends = {face.face[0] for face in config.boundary if face.type != "wall"}.union(config.domain.periodic)
-    return axis if max(sizes) and axis in ends else ""
+    unwalled = {face.face[0] for face in config.boundary if face.type != "wall"}.union(config.domain.periodic)
+    return axis if max(sizes) and axis in unwalled else ""
+
+
+def mean_from(columns: list[str], first: float, until: float, series: Series) -> float:
+    """Mean over [first, until], s, of the sum of the columns."""
+    return sum(float(reduced(name, mean, first, until, series)) for name in columns)
+
+
+def unsure_from(columns: list[str], first: float, until: float, series: Series) -> float:
+    """Half the 95 % interval of mean_from, at most."""
+    return sum(interval(name, first, until, series) for name in columns)
 
 
 def curve(name: str, time: float, series: Series) -> np.ndarray:

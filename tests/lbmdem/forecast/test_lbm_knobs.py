@@ -2,11 +2,13 @@
 
 import math
 
+import numpy as np
 import pytest
 from app_runner import running
 from knob_cases import made_again, reader, sizes_of
 
 from hpcpic.core.cli.main import build
+from hpcpic.core.files.series import Series
 from lbmdem.app import APP, shipped_cases
 from lbmdem.configure import configure
 from lbmdem.forecast.knobs import knobs_of
@@ -68,6 +70,47 @@ def test_a_spacing_of_any_factor_is_there_where_sides_have_no_common_divisor(fac
 def test_the_momentum_of_a_closed_box_is_not_asked_for():
     config = read("poiseuille", (*CHANNEL, *LID))
     assert [quantity.name for quantity in knobs_of(config).quantities()] == ["energy"]
+
+
+POST = ('grains=({ name = "post"; diameter = 8.0e-3; position = [0.03, 0.02]; moving = false; })',)
+BAR = ('obstacle=({ name = "bar"; shape = { box = { low = [0.03, 0.01]; high = [0.04, 0.02]; }; }; })',)
+FALL = (f'boundary=({{ face = "x-"; type = "pressure"; pressure = 1.0; }}, {{ {OUTLET} }})',)
+PUSH = ('domain.periodic=["x"]', "fluid.body_force=[1.0e-3, 0.0]")
+
+
+@pytest.mark.parametrize(
+    ("sets", "name"),
+    [((*OPEN, *POST), "drag"), ((*FALL, *POST), "drag"), ((*OPEN, *BAR), "drag"), ((*PUSH, *POST), "flow-rate"),
+     ((*PUSH, *BAR), "flow-rate"), ((*PUSH, *POST, "coupling.frozen=true"), "flow-rate"), (OPEN, "momentum"),
+     (FALL, "momentum"), (PUSH, "momentum"), (LID, "energy")],
+)  # fmt: skip
+def test_a_flow_past_solids_is_about_their_drag_or_how_much_a_force_drives_past_them(sets, name, world):
+    """And no reason says that nothing drives a flow that something drives; the series shows what is asked for."""
+    config = read("poiseuille", (*CHANNEL, *sets))
+    about = knobs_of(config).quantities()[0]
+    assert about.name == name
+    assert about.why.startswith("no steady push") == (name == "energy")
+    column = {"drag": "force_bar_x" if sets[-1] in BAR else "force_post_x", "flow-rate": "flow_rate_x"}.get(name)
+    if column:
+        with running(world, "lbmdem", config) as app:
+            assert column in app.scalar_units
+
+
+def test_the_drag_is_the_mean_force_over_the_second_half_of_the_run():
+    config = read("poiseuille", (*CHANNEL, *OPEN, *POST))
+    (drag, *_), end = knobs_of(config).quantities(), config.simulation.end_time
+    t = np.linspace(0.0, end, 101)
+    force = np.where(t < 0.5 * end - 1e-9, 1e6, 3.0)
+    series = Series({"force_post_x": force}, {}, np.arange(101), t)
+    assert drag.time == end and drag.measure(series) == pytest.approx(3.0)
+
+
+def test_grains_that_come_to_rest_are_not_asked_for_what_is_left_of_their_energy():
+    config = read("settling-pile")
+    (about, *_), end = knobs_of(config).quantities(), config.simulation.end_time
+    t = np.linspace(0.0, end, 101)
+    energy = {"energy_kinetic_grains": np.where(t < 0.5 * end, 2.0, 1e-9)}
+    assert about.measure(Series(energy, {}, np.arange(101), t)) == pytest.approx(1.0, rel=0.02)
 
 
 def test_each_knob_turns_alone():
