@@ -252,7 +252,8 @@ def main_axis(config: LbmDemConfig) -> str:
     """Axis along which a flow is driven that does not end at walls; "" where none is: what a lid drives turns round,
     and its momentum is zero in the mean. Without a force or a velocity it is one with unlike pressures at its ends.
     """
-    vectors = [config.liquid.body_force, *(one.velocity for one in (*config.boundary, *config.obstacle))]
+    moved = (*(face.velocity for face in config.boundary), *(obstacle.velocity for obstacle in config.obstacle))
+    vectors = [config.liquid.body_force, *moved]
     sizes = [max((abs(v[k]) for v in vectors if len(v) > k), default=0.0) for k in range(config.dimensions)]
     if not any(sizes):
         faces = [face for face in config.boundary if face.type == "pressure"]
