@@ -181,7 +181,7 @@ def figure(search: Search, points: list[Proposal], verified: Verified | None) ->
 
 def write_case(search: Search, verified: Verified, tolerance: float, path: Path) -> None:
     """The recommended case, whole, with a comment beside each knob: its share of the error."""
-    pilots, proposal = search.pilots, verified.proposal
+    pilots, proposal, quantity = search.pilots, verified.proposal, search.quantity
     config = pilots.config(proposal.sizes, pilots.knobs.time, proposal.scheme.others)
     comments = {
         dotted(knob.key): f"{knob.name}: {proposal.shares[knob.name]:.1e} of the error {tolerance:.1e}"
@@ -189,10 +189,10 @@ def write_case(search: Search, verified: Verified, tolerance: float, path: Path)
     }
     comments |= dict.fromkeys(proposal.scheme.others, "scheme")
     head = (
-        f"# what: {Path(pilots.read.path).stem} with {search.quantity.name} right to {percent(tolerance)}"
+        f"# what: {Path(pilots.read.path).stem} with {quantity.text} right to {percent(tolerance)}"
         f"{'' if verified.certified else ', not certified'}\n"
         f"# source: tradeoff; off by {percent(verified.error)} from a reference known to "
-        f"{percent(search.uncertainty)}\n"
+        f"{percent(search.uncertainty)}, by runs until t = {quantity.time:.4g} of {pilots.knobs.time:.4g} s\n"
     )
     write_atomic(path, head + commented(dump(config), comments))
 

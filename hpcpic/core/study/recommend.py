@@ -258,6 +258,17 @@ class Recommendation:
             if not any(abs(np.log(sizes[name] / laws[name].sizes)).min() > math.log(APART) for sizes in run.kept)
         ]  # fmt: skip
 
+    def doubts(self, run: Verified, tolerance: float) -> str:
+        """Why a setting that was run is not certified."""
+        error, unknown = run.error, self.search.uncertainty
+        if not run.luck and not self.holds(error, tolerance):
+            return (
+                f"off by {percent(error)} from a reference known to {percent(unknown)} may be "
+                f"{percent(error + unknown)}, beyond the {percent(tolerance)} asked for"
+            )
+        luck = run.luck or self.luck(run, tolerance)
+        return luck or f"theory alone tells the order of the error in {', '.join(self.unchecked(run))}"
+
     def completed(self, names: Sequence[str]) -> bool:
         """True if the search could complete the laws of these knobs, which the schemes have then."""
         if not self.search.complete(names):

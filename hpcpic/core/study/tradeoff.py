@@ -129,7 +129,7 @@ def trade(app_loader: AppLoader, asked: Asked) -> None:
             click.echo(f"written: {asked.target}")
     if wanted is not None and (verified is None or not verified.certified):
         known = f"the reference is known to {percent(search.uncertainty)}, {percent(wanted)} is asked for"
-        known = (verified and verified.luck) or known
+        known = made.doubts(verified, wanted) if verified else known
         refusal = f"no recommendation: {refusal}; {known}" if refusal else f"not certified: {known}"
         raise CheckFailed("\n".join([refusal, *(f"way out: {words}" for words in ways(made, wanted))]))
 
@@ -346,8 +346,9 @@ def tell_recommendation(search: Search, verified: Verified, wanted: float) -> No
     compared = ": it is the case itself" if verified.pilot is search.base else compared
     head = "certified   " if verified.certified else "marked      NOT certified: "
     click.echo(
-        f"{head}off by {percent(verified.error)}, from a reference known to {percent(search.uncertainty)}, "
-        f"where {percent(wanted)} is allowed\n            {', '.join(beside)}{field}\n"
+        f"{head}off by {percent(verified.error)}, from a reference known to {percent(search.uncertainty)}: together "
+        f"{percent(verified.error + search.uncertainty)}, where {percent(wanted)} is allowed\n"
+        f"            {', '.join(beside)}{field}\n"
         f"cost        {duration(seconds)} for the whole run{compared}\n"
         f"search      {duration(search.pilots.spent)} of steps, "
         f"{search.budget.used:.3g} of {search.budget.allowance:.3g} pilots of the case's own cost"

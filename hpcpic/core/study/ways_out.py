@@ -9,6 +9,7 @@ from hpcpic.core.app.text import duration, percent
 from hpcpic.core.errors import CheckFailed
 from hpcpic.core.study.recommend import Recommendation
 
+HOPELESS = 0.99  # a tolerance that says nothing, and that --tolerance refuses
 SEEDS = (2, 3, 4)  # of the ensemble that a refusal measures
 DAYS = 1e6  # s: what takes longer is no way out
 HALVINGS = 12  # of all knobs together, that a way out may name
@@ -18,7 +19,9 @@ def ways(made: Recommendation, tolerance: float) -> list[str]:
     """What to do where nothing is certified, each with its price."""
     search = made.search
     reached = search.error(search.value) + search.uncertainty
-    found = [f"--tolerance {percent(1.05 * reached).replace(' ', '')} is certified by the case itself, at no cost"]
+    found, enough = list[str](), 1.05 * reached
+    if enough < HOPELESS:
+        found.append(f"--tolerance {percent(enough).replace(' ', '')} is certified by the case itself, at no cost")
     if reached <= tolerance:
         found = [f"the case itself is off by {percent(search.error(search.value))}: it may stay as it is"]
     if search.quieter:

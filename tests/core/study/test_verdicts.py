@@ -1,0 +1,48 @@
+"""What tradeoff says of a setting that it does not certify, the ways out it offers, and what the written case says."""
+
+import re
+
+import pytest
+from test_tradeoff import program  # noqa: F401
+
+from hpcpic.core.study import front
+
+WORDS = ("tradeoff", "-o", "out", "--knobs", "dx", "--tolerance")
+
+
+@pytest.fixture(autouse=True)
+def undrawn(monkeypatch):
+    """No figure of the front, which takes longer than the search."""
+    monkeypatch.setattr(front, "write", lambda *words: None)
+
+
+def shares(text):
+    return [float(number) for number in re.findall(r"([0-9.]+) %", text)]
+
+
+def test_what_is_not_certified_is_told_by_the_sum_that_is_beyond_the_tolerance(program):  # noqa: F811
+    """Error and uncertainty of the reference are each within it: order 3 where theory says 2."""
+    done = program(*WORDS, "2%", "--pilots", "9", dx=0.3, order=3.0, dear=3)
+    assert done.returncode == 3, done.stdout + done.stderr
+    told = next(line for line in done.stderr.splitlines() if "not certified: off by" in line)
+    error, unknown, both, allowed = shares(told)
+    assert error < allowed and unknown < allowed < both == pytest.approx(error + unknown, abs=0.11)  # as rounded
+    marked = next(line for line in done.stdout.splitlines() if line.startswith("marked "))
+    assert shares(marked) == [error, unknown, both, allowed]
+
+
+@pytest.mark.parametrize("noise, offered", [(3.0, False), (0.05, True)])
+def test_a_tolerance_of_all_of_the_quantity_is_no_way_out(program, noise, offered):  # noqa: F811
+    done = program(*WORDS, "1%", noise=noise)
+    assert done.returncode == 3, done.stdout + done.stderr
+    assert ("way out: --tolerance " in done.stderr) == offered, done.stderr
+
+
+def test_the_written_case_says_which_quantity_and_which_times_its_error_is_of(program, tmp_path):  # noqa: F811
+    words = (*WORDS, "1%", "--qoi", "mean(answer, from=2, to=8)", "--write", "new.conf")
+    for _ in range(2):  # again over its own file
+        done = program(*words, particles=10**5)
+        assert done.returncode == 0, done.stderr
+    what, source = (tmp_path / "new.conf").read_text().splitlines()[:2]
+    assert what == "# what: case with mean of answer from t = 2 to 8 s right to 1.0 %"
+    assert source.startswith("# source: tradeoff; off by ") and source.endswith(", by runs until t = 8 of 20 s")
