@@ -60,6 +60,7 @@ class Quantity:
     exact: its value in the exact solution, where that is known. Raises ArithmeticError or ValueError where the
     series does not show it. why: it is the one that the case is about. column: of the series, where it is of one.
     noise(series): half the 95 % interval of what is a mean over time. field: it is the field that is seen at the end.
+    asked: the user named it, and says with that what else may be wrong.
     """
 
     name: str
@@ -71,6 +72,7 @@ class Quantity:
     column: str = ""
     noise: Callable[[Series], float] | None = None
     field: bool = False
+    asked: bool = False
 
 
 @dataclass(frozen=True, slots=True)

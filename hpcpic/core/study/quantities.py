@@ -144,6 +144,7 @@ def parsed(text: str, columns: list[str], knobs: Knobs) -> Quantity:
         until,
         partial(reduced, column, reduction.measure, first, until),
         column=column,
+        asked=True,
         noise=partial(interval, column, first, until) if name in ("mean", "norm") else None,
     )
 

@@ -30,6 +30,7 @@ UNSURE = 0.25  # times the tolerance: where the reference is known better, a mis
 UNKNOWN = 3.0  # times the tolerance: where the reference is not known better, nothing is said of any setting
 FAR = 5.0  # times what all pilots may cost
 MOST_STEPS = 24  # of a tenth, back from what `check` warns of
+LOST = 1.0  # error of the field beside the quantity at which nothing is left of it
 SEEN = 2.0  # times the tolerance: an error of the field beside the quantity that is told as a warning
 
 
@@ -51,7 +52,7 @@ class Proposal:
 class Verified:
     """A proposal that was run: pilot, its measured error, that of the field beside it (nan: not known), those of the
     coarser and finer neighbour, `beside` their sizes. kept: sizes of all that were run and are as good as the laws say.
-    luck: by which finer setting one sees that an error within the tolerance is luck.
+    luck: by which finer setting, or lost field, one sees that an error within the tolerance is luck.
     """
 
     proposal: Proposal
@@ -230,9 +231,13 @@ class Recommendation:
 
     def luck(self, run: Verified, tolerance: float) -> str:
         """A measured setting, as fine as this one in every knob and finer in one, that does not hold the tolerance; ""
-        if there is none. Errors that grow towards finer sizes tell that a small one among them is chance.
+        if there is none. Errors that grow towards finer sizes tell that a small one among them is chance. So does a
+        field of which nothing is left at the end, beside a quantity that the user has not named.
         """
-        search, sizes = self.search, run.proposal.sizes
+        search, sizes, seen = self.search, run.proposal.sizes, self.pilots.knobs.seen
+        if seen and run.field > LOST and not search.quantity.asked:
+            off, name = percent(run.field), search.quantity.name
+            return f"the field {seen.name} at the end is off by {off}: that {name} is by less is luck"
         measured: dict[str, tuple[Mapping[str, float], float]] = {
             f"the {words} neighbour": (run.beside[words], error) for words, error in run.neighbours.items()
         }

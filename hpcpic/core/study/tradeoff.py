@@ -224,10 +224,10 @@ def chosen_quantity(app: App, config: Any, knobs: Knobs, name: str | None) -> Qu
         return known[0]
     for quantity in known:
         if quantity.name == name:
-            return quantity
+            return replace(quantity, asked=True)
     if name == "field" and knobs.seen:
         text = f"the field {knobs.seen.name} at the end, seen through windows of a twelfth of the box"
-        return Quantity(name, text, knobs.time, lambda series: math.nan, field=True)
+        return Quantity(name, text, knobs.time, lambda series: math.nan, field=True, asked=True)
     return parsed(name, scalars_of(app, config), knobs)
 
 

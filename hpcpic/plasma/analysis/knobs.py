@@ -14,6 +14,7 @@ from hpcpic.core.case.texts import value_text
 from hpcpic.plasma.analysis.predictions import Prediction, predict
 from hpcpic.plasma.analysis.series_analysis import Oscillation, fit_oscillation, signed
 from hpcpic.plasma.case.config import PlasmaConfig, Species, mode_columns
+from hpcpic.plasma.diagnostics.scalars import MODES
 from hpcpic.plasma.forecast.scales import spacing, total_plasma_frequency
 from hpcpic.plasma.forecast.turning import fastest_turn
 from hpcpic.plasma.physics.shapes import SHAPES
@@ -193,6 +194,8 @@ def quantities_of(config: PlasmaConfig, time: float) -> list[Quantity]:
     law = predict(config, mode)
     if law is not None:
         found += waves(law, mode, time)
+    elif any(s.perturbation for s in config.species) and any(mode) and in_series(mode):
+        found.append(course_of(mode, time))
     drift = partial(energy, time=time)
     text = "total energy at the end over that at the start, by the trend"
     found.append(Quantity("energy", text, time / 4, drift, exact=1.0, why="no law of a wave is known for this start"))
@@ -212,12 +215,29 @@ def started_mode(config: PlasmaConfig) -> tuple[int, ...]:
     return (1,) if all(loader_of(s).placed for s in config.species) and config.dimensions == 1 else none
 
 
+def in_series(mode: tuple[int, ...]) -> bool:
+    """Whether the series of the case has the mode that it starts."""
+    return any(mode[1:]) or abs(mode[0]) <= MODES
+
+
+def name_of(mode: tuple[int, ...]) -> str:
+    return f"mode_{'_'.join(map(str, mode if any(mode[1:]) else mode[:1]))}"
+
+
+def course_of(mode: tuple[int, ...], time: float) -> Quantity:
+    """The amplitude of a mode in the whole run: a wave may drown in noise at any time of it."""
+    name = name_of(mode)
+    why = f"the case starts {name}, of which no law of waves is known"
+    text = f"amplitude of {name} from the start to t = {time:.3g} s, V/m"
+    return Quantity("amplitude", text, time, partial(course, mode, time), why=why)
+
+
 def waves(law: Prediction, mode: tuple[int, ...], time: float) -> list[Quantity]:
     """Quantities that follow from a law of waves: growth, or damping and frequency. Windows follow from the law: the
     same for every pilot.
     """
     rate, frequency = law.omega.imag, abs(law.omega.real)
-    name = f"mode_{'_'.join(map(str, mode if any(mode[1:]) else mode[:1]))}"
+    name = name_of(mode)
     if rate > 1e-6 * abs(law.omega):
         first, last = (min(efolds / rate, time * efolds / GROWTH_WINDOW[1]) for efolds in GROWTH_WINDOW)
         text = f"growth rate of {name} between t = {first:.3g} and {last:.3g} s, 1/s"
@@ -249,6 +269,13 @@ def amplitude(mode: tuple[int, ...], series: Series) -> np.ndarray:
     if any(mode[1:]):
         return np.hypot(*(series[column] for column in mode_columns(mode)))
     return series[f"mode_{abs(mode[0])}"]
+
+
+def course(mode: tuple[int, ...], time: float, series: Series) -> np.ndarray:
+    """|E_k|[SAMPLES] from the start until `time`, V/m."""
+    from scipy.interpolate import CubicSpline
+
+    return CubicSpline(series.time, amplitude(mode, series))(at(series.time, 0.0, time))
 
 
 def growth_rate(mode: tuple[int, ...], first: float, last: float, series: Series) -> float:

@@ -1,12 +1,16 @@
 """The field beside a quantity: the same for any resolution and for particles, and it sees what a sum hides."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
+import error_app
 import numpy as np
 import pytest
+from test_tradeoff import found, program  # noqa: F401  (program: a fixture)
 
 from hpcpic.core.app.knobs import Seen
 from hpcpic.core.study.field import of_nodes, of_particles
+from hpcpic.core.study.search import Search
 
 SEEN = Seen("u", (0.0, 0.0), (2.0, 1.0), (96, 48), lambda time: ())
 
@@ -43,3 +47,25 @@ def test_it_sees_errors_that_cancel_in_the_sum():
     right, wrong = on_nodes(lambda x, y: y + 0.0 * x, 96, 48), on_nodes(lambda x, y: (1.0 - y) + 0.0 * x, 96, 48)
     assert right.sum() == pytest.approx(wrong.sum(), rel=1e-12)
     assert np.linalg.norm(right - wrong) > 0.5 * np.linalg.norm(right)
+
+
+@pytest.mark.parametrize(
+    "words, at_case, code",
+    [((), 14.0, 3), ((), 0.5, 0), (("--qoi", "answer"), 14.0, 0)],
+    ids=["lost", "kept by the case", "asked for"],
+)
+def test_nothing_is_certified_whose_field_is_lost_unless_the_user_named_the_quantity(
+    program, tmp_path, monkeypatch, words, at_case, code  # noqa: F811
+):
+    """The error of the answer is small whatever the field: of the energy of a plasma whose wave drowns in noise."""
+    seen = Seen("E", (0.0,), (1.0,), (16,), lambda time: ())
+    app = replace(error_app.APP, knobs=lambda config: replace(error_app.knobs(config), seen=seen))
+    monkeypatch.setattr(error_app, "APP", app)
+    monkeypatch.setattr(Search, "field_of", lambda self, pilot: None)
+    monkeypatch.setattr(Search, "field_error", lambda self, pilot: at_case if pilot is self.base else 14.0)
+    done = program("tradeoff", "-o", "out", "--tolerance", "1%", "--write", "new.conf", *words)
+    best = found(tmp_path)["recommended"]
+    assert (done.returncode, best["certified"]) == (code, code == 0), done.stdout + done.stderr
+    assert "the field E at the end is off by 1400 %" in done.stderr
+    assert (best["sizes"]["dx"] == 0.1) == (at_case < 1.0)  # the case itself, where it has the field
+    assert ("NOT certified" in done.stdout) == ("not certified" in (tmp_path / "new.conf").read_text()) == bool(code)

@@ -78,6 +78,27 @@ def test_a_wave_that_hardly_decays_is_asked_for_its_frequency():
     assert [q.name for q in knobs_of(long).quantities()] == ["frequency", "energy"]
 
 
+def test_a_mode_without_a_law_is_asked_for_its_amplitude_from_the_start_to_the_end():
+    """Ions that wave among electrons as particles: the energy knows nothing of a wave that drowns in noise."""
+    strata = ("name=\"e\"", "particles=30208", "charge=-1.0", "mass=1.0", "init_method=\"strata\"")
+    electrons = f"{{ {'; '.join((*strata, 'plasma_frequency=1.0', 'thermal_velocity=1.0'))}; }}"
+    wave = "perturbation={ mode=[%d]; amplitude=0.02; }"
+    ions = f"{{ name=\"i\"; particles=10240; charge=1.0; mass=50.0; plasma_frequency=0.141421356; {wave}; }}"
+    for mode, names in ((1, ["amplitude", "energy"]), (12, ["energy"])):  # mode_12 is no column of the series
+        config = read("two-stream-warm", (f"species=({electrons}, {ions % mode})",))
+        quantities = knobs_of(config).quantities()
+        assert [q.name for q in quantities] == names
+        assert all("no law of" in q.why for q in quantities)
+    knobs = knobs_of(read("two-stream-warm", (f"species=({electrons}, {ions % 1})", "simulation.cycles=200")))
+    first, energy = knobs.quantities()
+    assert "mode_1" in first.why and first.time == knobs.time > energy.time
+    clean, noisy = (
+        first.measure(series(mode_1=lambda t: np.abs(np.cos(0.063 * t)) + noise * (t > 5.0) * np.sin(9.0 * t) ** 2))
+        for noise in (0.0, 1.0)
+    )
+    assert np.linalg.norm(noisy - clean) > 0.3 * np.linalg.norm(clean)
+
+
 def test_a_warm_quiet_start_has_a_quieter_one_of_the_same_plasma_whose_velocities_no_grid_changes():
     own = read("landau-damping", ('species[0].init_method="quiet"',))
     sets = knobs_of(own).quieter
