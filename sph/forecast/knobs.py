@@ -84,9 +84,27 @@ def continuous(config: SphConfig) -> list[Knob]:
     if config.simulation.time_step is None:
         found.append(
             Knob("cfl", "time step over h / c0", "", ("simulation", "cfl"), lambda c: c.simulation.cfl,
-                 INTEGRATORS[config.simulation.integrator].order, 1.0, "Courant number")
+                 INTEGRATORS[config.simulation.integrator].order, 1.0, "Courant number", overruled=overruled(config))
         )  # fmt: skip
     return found
+
+
+def overruled(config: SphConfig) -> str:
+    """Which other criterion sets the step before cfl comes to its limit, and what would be right; "" if none does."""
+    steps, limit = stability.step_parts(config), stability.courant_limit(config)
+    acoustic, here = limit * config.h / stability.fastest_sound(config), steps.pop("acoustic")
+    name = min(steps, key=lambda part: steps[part], default="")
+    if not name or steps[name] >= acoustic:
+        return ""
+    speed = f"{1.1 * config.sound_speed * acoustic / steps[name]:.2g}"
+    what = {"viscous": f"viscosity (nu dt/h2 = {stability.viscous_limit(config):.3g})",
+            "force": f"acceleration (dt = {stability.MAX_FORCE_STEP:g} sqrt(h/a))"}[name]  # fmt: skip
+    does = f"sets no step from {steps[name] * limit / acoustic:.3g} on" if here < steps[name] else "sets no step here"
+    return (
+        f"it {does}, as {what} allows no more than {steps[name]:.3g} s, and the limit {limit:.3g} of cfl is "
+        f"{acoustic:.3g} s. No setting turns that criterion: a longer step, fixed by simulation.time_step, is tried by "
+        f"run --beyond-limits. With --set eos.sound_speed={speed} cfl has its limit"
+    )
 
 
 def closed(config: SphConfig) -> bool:

@@ -25,6 +25,7 @@ class Knob:
     size(config): of a completed case, in `unit`. key: where the setting stands. limit: the derived number that ends
     the stability of the scheme when this knob is turned. shown(size): the number that is printed, a count for example.
     noisy: sampling: its error is drawn anew with every size, and falls as size^order in the mean only.
+    overruled: why its limit is never met in this case, and what would be right; "" where it may be.
     """
 
     name: str
@@ -37,6 +38,7 @@ class Knob:
     limit: str = ""
     shown: Callable[[float], float] = itself
     noisy: bool = False
+    overruled: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,7 @@ from hpcpic.core.app.app import App, AppLoader
 from hpcpic.core.app.read import read_case, set_option, shape_options
 from hpcpic.core.app.text import shown, table
 from hpcpic.core.app.use import use_option
+from hpcpic.core.case.config import dotted
 from hpcpic.core.errors import CheckFailed, ConfigError
 from hpcpic.core.files.rundir import write_json
 
@@ -67,7 +68,10 @@ def find(
         first, second = two(knobs, pair)
         draw_map(limits, first, second, folder)
         return
-    axis = limits.axis(one(knobs, name))
+    knob = one(knobs, name)
+    if knob.overruled:
+        raise ConfigError(f"{read.path}: {dotted(knob.key)} cannot be turned to the end of stability: {knob.overruled}")
+    axis = limits.axis(knob)
     limit = limits.bisect(axis)
     if math.isfinite(limit.x):
         limits.confirm(axis, limit)

@@ -92,10 +92,8 @@ def test_a_mode_without_a_law_is_asked_for_its_amplitude_from_the_start_to_the_e
     knobs = knobs_of(read("two-stream-warm", (f"species=({electrons}, {ions % 1})", "simulation.cycles=200")))
     first, energy = knobs.quantities()
     assert "mode_1" in first.why and first.time == knobs.time > energy.time
-    clean, noisy = (
-        first.measure(series(mode_1=lambda t: np.abs(np.cos(0.063 * t)) + noise * (t > 5.0) * np.sin(9.0 * t) ** 2))
-        for noise in (0.0, 1.0)
-    )
+    clean = first.measure(series(mode_1=lambda t: np.abs(np.cos(0.063 * t))))
+    noisy = first.measure(series(mode_1=lambda t: np.abs(np.cos(0.063 * t)) + (t > 5.0) * np.sin(9.0 * t) ** 2))
     assert np.linalg.norm(noisy - clean) > 0.3 * np.linalg.norm(clean)
 
 

@@ -1,10 +1,14 @@
 """Knobs of SPH: settings mean what they say, every case knows what it is about."""
 
+import re
+
 import numpy as np
 import pytest
 from knob_cases import made_again, reader, sizes_of
 
-from sph.app import shipped_cases
+from hpcpic.core.case.config import loads
+from hpcpic.core.cli.main import build
+from sph.app import APP, shipped_cases
 from sph.case.columns import gauge_units
 from sph.case.config import name_of
 from sph.configure import configure
@@ -67,3 +71,36 @@ def test_every_case_knows_what_it_is_about(case):
     assert quantities and all(0 < quantity.time <= knobs.time for quantity in quantities)
     about = {"taylor-green": "energy", "poiseuille": "middle", "water-column": "front", "standing-wave": "energy"}
     assert quantities[0].name == about.get(case, quantities[0].name)
+
+
+OIL = """
+simulation = { dimensions = 2; end_time = 3.0; };
+domain = { low = [0.0, 0.0]; high = [0.01, 0.024]; periodic = ["x"]; };
+body_force = [0.02, 0.0];
+eos = { max_velocity = 0.015; };
+fluid = ({ shape = { box = { low = [0.0, 0.0]; high = [0.01, 0.024]; }; }; density = 900.0; dynamic_viscosity = %s;
+           initial_pressure = "zero"; });
+numerics = { spacing = 0.001; viscosity_form = "cleary"; density_flux = "none"; };
+wall = ({ name = "planes"; shape = { box = { low = [0.0, 0.0]; high = [0.01, 0.024]; }; }; type = "mirror-no-slip"; });
+"""
+
+
+def cfl_of(viscosity, *sets):
+    """The knob of the oil with another viscosity, Pa s."""
+    config = configure(loads(OIL % viscosity, "oil.conf", sets))
+    return next(knob for knob in knobs_of(config).knobs if knob.name == "cfl")
+
+
+def test_stability_refuses_a_knob_that_another_criterion_overrules_and_names_it(tmp_path, monkeypatch, capfd):
+    """The step of oil follows its viscosity: the largest cfl was called stable, at 3.7 times theory's limit."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "oil.conf").write_text(OIL % 0.09)
+    with pytest.raises(SystemExit) as end:
+        build(lambda: APP, "sph", "fluids").main(["stability", "oil.conf"])
+    told = capfd.readouterr().err
+    assert end.value.code == 2 and not (tmp_path / "stability").exists()
+    assert "oil.conf: simulation.cfl cannot be turned" in told and "sets no step here, as viscosity" in told
+    speed = re.search(r"--set (eos.sound_speed=[\d.]+) cfl has its limit", told)
+    assert speed and cfl_of(0.09).overruled and not cfl_of(0.09, speed[1]).overruled
+    assert not cfl_of(0.001).overruled  # water
+    assert "acceleration" in cfl_of(0.001, "body_force=[50.0, 0.0]").overruled
