@@ -175,9 +175,10 @@ class Recommendation:
         if not good or search.uncertainty > UNKNOWN * tolerance:
             raise CheckFailed(self.told(known))
         near = [run for run in good if run.error + search.uncertainty <= 1.5 * tolerance]
-        return self.compared(
+        run = self.compared(
             min(near, key=lambda run: run.proposal.cost) if near else min(good, key=lambda run: run.error)
         )
+        return dataclasses.replace(run, luck=self.lost(run))
 
     def attempts(self, tolerance: float) -> list[Verified]:
         """Propose and run; on a miss propose for less. Those that were run, a certified one last."""
@@ -198,7 +199,7 @@ class Recommendation:
                 run = self.tried(proposal := self.by_laws(tolerance))
             if run is not None:
                 known.append(run)
-                if self.holds(run.error, tolerance):
+                if self.holds(run.error, tolerance) and not self.lost(run):
                     return [*known[:-1], dataclasses.replace(run, certified=True)]
             if proposal.scheme.others:  # what it and the knobs do together is not in the laws: without it
                 self.schemes = self.schemes[:1]
@@ -210,7 +211,7 @@ class Recommendation:
             if run is not None and self.price(proposal) > FINER and search.uncertainty > UNSURE * tolerance:
                 break  # a finer pilot tells more of the reference, and costs less than another such run
             misses += 1
-            proposal = self.after_miss(misses, proposal, tolerance, run.error if run else tolerance)
+            proposal = self.after_miss(misses, proposal, tolerance, run.error if run and not self.lost(run) else tolerance)
         return [*known, held] if held else known
 
     def held(self, tolerance: float) -> Verified | None:
@@ -231,13 +232,11 @@ class Recommendation:
 
     def luck(self, run: Verified, tolerance: float) -> str:
         """A measured setting, as fine as this one in every knob and finer in one, that does not hold the tolerance; ""
-        if there is none. Errors that grow towards finer sizes tell that a small one among them is chance. So does a
-        field of which nothing is left at the end, beside a quantity that the user has not named.
+        if there is none. Errors that grow towards finer sizes tell that a small one among them is chance.
         """
-        search, sizes, seen = self.search, run.proposal.sizes, self.pilots.knobs.seen
-        if seen and run.field > LOST and not search.quantity.asked:
-            off, name = percent(run.field), search.quantity.name
-            return f"the field {seen.name} at the end is off by {off}: that {name} is by less is luck"
+        if lost := self.lost(run):
+            return lost
+        search, sizes = self.search, run.proposal.sizes
         measured: dict[str, tuple[Mapping[str, float], float]] = {
             f"the {words} neighbour": (run.beside[words], error) for words, error in run.neighbours.items()
         }
@@ -254,6 +253,16 @@ class Recommendation:
             if finer and not self.holds(error, tolerance):
                 return f"{words} is off by {percent(error)}: that this setting, which is coarser, is by less is luck"
         return ""
+
+    def lost(self, run: Verified) -> str:
+        """By how much the field at the end is off where nothing is left of it, beside a quantity that the user has not
+        named: that this one is right is luck; "" elsewhere.
+        """
+        seen, quantity = self.pilots.knobs.seen, self.search.quantity
+        if not seen or quantity.asked or not run.field > LOST:
+            return ""
+        off = percent(run.field)
+        return f"the field {seen.name} at the end is off by {off}: that {quantity.name} is by less is luck"
 
     def unchecked(self, run: Verified) -> list[str]:
         """Knobs whose order theory alone tells, where no run at a third size of theirs is as good as the laws say."""

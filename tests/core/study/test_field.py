@@ -66,6 +66,6 @@ def test_nothing_is_certified_whose_field_is_lost_unless_the_user_named_the_quan
     done = program("tradeoff", "-o", "out", "--tolerance", "1%", "--write", "new.conf", *words)
     best = found(tmp_path)["recommended"]
     assert (done.returncode, best["certified"]) == (code, code == 0), done.stdout + done.stderr
-    assert "the field E at the end is off by 1400 %" in done.stderr
+    assert ("the field E at the end is off by 1400 %" in done.stderr) or at_case < 1.0
     assert (best["sizes"]["dx"] == 0.1) == (at_case < 1.0)  # the case itself, where it has the field
     assert ("NOT certified" in done.stdout) == ("not certified" in (tmp_path / "new.conf").read_text()) == bool(code)
