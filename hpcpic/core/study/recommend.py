@@ -211,7 +211,8 @@ class Recommendation:
             if run is not None and self.price(proposal) > FINER and search.uncertainty > UNSURE * tolerance:
                 break  # a finer pilot tells more of the reference, and costs less than another such run
             misses += 1
-            proposal = self.after_miss(misses, proposal, tolerance, run.error if run and not self.lost(run) else tolerance)
+            error = run.error if run and not self.lost(run) else tolerance
+            proposal = self.after_miss(misses, proposal, tolerance, error)
         return [*known, held] if held else known
 
     def held(self, tolerance: float) -> Verified | None:
