@@ -1,6 +1,8 @@
 """Viscosity at a free surface: a liquid that spins freely keeps its spin, and where a surface is the form for it is."""
 
+import numpy as np
 import pytest
+from sph_scenes import by_id, column, engine, jitter, reference, tank
 
 import sph
 from hpcpic.core.errors import ConfigError
@@ -54,3 +56,31 @@ def test_walls_and_liquids_that_do_not_know_it_are_refused():
     first = {"shape": {"box": {"low": [0.0, 0.0], "high": [0.2, 0.1]}}, "kinematic_viscosity": 2e-3}
     with pytest.raises(ConfigError, match=r'numerics.viscosity_form: "full-stress" does not know liquids'):
         numerics_of(fluid=[first, above], **named)
+
+
+def test_in_space_forces_are_those_over_all_pairs():
+    """1e-11: the renormalisation is an inverse."""
+    cloud = engine(d=3, size=(1.0, 1.0, 1.3), spacing=0.1, form="full-stress", viscosity=5.0, flux="none")
+    jitter(cloud)
+    wanted = reference(cloud).acceleration()
+    cloud.evolution.evaluate_forces()
+    assert np.abs(by_id(cloud, "a")[0] - wanted).max() <= 1e-11 * np.abs(wanted).max()
+
+
+@pytest.mark.parametrize("kind", ["extrapolated-no-slip", "extrapolated-free-slip"])
+def test_a_wall_goes_on_with_the_stress_of_the_fluid(kind):
+    """Where v is linear S is constant, and its divergence zero: to rounding of S / h on a lattice, beside walls too."""
+    found = []
+    gradient = np.array([[1.0, 2.0], [3.0, -1.0]])
+    for form in ("full-stress", "morris"):
+        water = engine(gravity=(0.0, 0.0), pressure="zero", form=form, viscosity=5.0, fill=(1.0, 0.5),
+                       more=tank(2, kind))  # fmt: skip
+        water.storage.set_own_values("v", gradient @ water.storage.own_values("x"))
+        water.evolution.evaluate_forces()
+        found.append(column(water, "a"))
+    x = column(water, "x")
+    fluid = np.all((x > 0.0) & (x < 1.0), axis=0)
+    deep = fluid & (x[1] < 0.5 - 2.0 * water.scene.h)
+    scale = 5.0 / water.scene.rho0 * np.abs(gradient).sum() / water.scene.h
+    difference = np.abs(found[0] - found[1])
+    assert difference[:, deep].max() < 1e-9 * scale < 1e-3 * difference[:, fluid & ~deep].max()
