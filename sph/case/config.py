@@ -173,7 +173,7 @@ class Numerics(Section):
         None,
         "Morris et al. 1997; full-stress: with (grad v)^T too, which free surfaces feel; strain rate and stress "
         "(MP 22-23); Cleary (SC 6), exact for shear along a lattice and 6 to 40 % too viscous elsewhere; or artificial "
-        "only. By default full-stress for one viscous liquid with a free surface, morris for others, else artificial",
+        "only. By default full-stress for viscous liquids with a free surface, morris for others, else artificial",
     )
     artificial_viscosity: float | None = setting(
         None,

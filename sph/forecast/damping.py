@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from hpcpic.core.case.derived import Derived
 from sph.case import geometry
 from sph.case.config import SphConfig
-from sph.physics.liquids import liquids_of
 from sph.physics.stability import physical_viscosity
 from sph.physics.viscosities import VISCOSITIES
 from sph.physics.wall_rules import rule_of
@@ -25,10 +24,9 @@ def damping(config: SphConfig) -> Iterator[Derived]:
     form = VISCOSITIES[config.numerics.viscosity_form or "none"]
     if not form.along_velocity or lost(config) <= MATTERS or not free_surface(config):
         return
-    cure = 'viscosity_form = "cleary": 1.12'
-    if not liquids_of(config).several:
-        walls = "" if all(rule_of(wall.type).extrapolated for wall in config.wall) else " with wall.type left out"
-        cure = f'viscosity_form = "full-stress"{walls}: 0.97' + (f"; {cure}" if walls else "")
+    known = all(rule_of(wall.type).knows(VISCOSITIES["full-stress"]) for wall in config.wall)
+    cure = 'viscosity_form = "full-stress"'
+    cure += ": 0.97" if known else ' with wall.type left out: 0.97; viscosity_form = "cleary": 1.12'
     source = "a wave as long as it is deep, measured; honey spreads by a fifth more, what spins freely is slowed down"
     yield Derived("resistance to strain at a free surface", "of theory", MEASURED, "", ">= 0.9", "warn", source, cure,
                   ("numerics", "viscosity_form"))  # fmt: skip

@@ -158,7 +158,7 @@ def pack_again(block, blocks, base, scales, liquids, flags, v, drho, m, gradient
 @njit
 def pack_stress(block, blocks, base, scales, flags, drho, shear, values):
     """The columns T, stress / rho^2 (MP 22), or S = mu ((grad v)^T - I div v), 0 in walls, from the velocity gradient
-    shear[DIM a + b, slot] = d v_b / d x_a.
+    shear[DIM a + b, slot] = d v_b / d x_a; mu that of the reference liquid.
     """
     for l in range(blocks[block], blocks[block + 1]):
         for b in range(np.uint64(base[l]), np.uint64(base[l + 1])):

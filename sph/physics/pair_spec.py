@@ -173,8 +173,8 @@ def momentum(spec: PairSpec) -> Pass:
         if viscosity.pull:
             lines.append(Line("pull", viscosity.pull))
         if viscosity.transposed:
-            lines.append(Line("crosswise", terms.crosswise))
-            lines.append(Line("crosswise", terms.crosswise_at_wall, AT_FOLLOWING_WALLS))
+            lines.append(Line("crosswise", terms.crosswise_between if spec.viscosities else terms.crosswise))
+            lines += [Line("crosswise", terms.crosswise_at_wall, AT_FOLLOWING_WALLS)] * (not spec.viscosities)
             lines.append(Line("pull", viscosity.transposed))
         lines.append(Line("minus_g, g", terms.tensor_force))
         force = Sum("force", ("minus_g", "g"), ("pull", "pull"))

@@ -187,6 +187,11 @@ def crosswise(light_i, light_j):
     return -(light_i * light_j)
 
 
+def crosswise_between(light_i, light_j, fluidity_i, fluidity_j):
+    """`crosswise` of two liquids, whose S have the mu of the reference: times `friction_between` over that."""
+    return -(light_i * light_j) * (2.0 / (fluidity_i + fluidity_j))
+
+
 def crosswise_at_wall(crosswise):
     """Twice that: a wall that follows the fluid goes on with its stress, and has none of its own."""
     return 2.0 * crosswise
@@ -208,7 +213,6 @@ def tensor_force(F, mass_i, mass_j):
 
 def repulsion(d, n, mass_i, mass_j, hundredth, per_h, reach):
     """(SC 8)-(10), b = 1, s = 8: force 0.01 c0^2 m / h B S along the normal of the wall particle; reach = h / dp.
-
     Nearer than 0.4 h, where nothing comes from before the wall (that takes 0.5 c0), S falls to 0 at the wall.
     """
     y = dot(d, n) * per_h
@@ -308,9 +312,7 @@ def continuity_with_flux(excess_i, excess_j, density, vd_i, vd_j, flux):
 
 
 def bulk_continuity(bulk_i, bulk_j, vd_i, vd_j):
-    """`continuity` where there are gases: bulk is rho of liquids; of a gas what its bulk modulus, over that of a liquid
-    of the same pressure, makes of it.
-    """
+    """`continuity` where there are gases: bulk is rho, of a gas times its bulk modulus over that of liquids there."""
     return bulk_i * vd_i, bulk_j * vd_j
 
 

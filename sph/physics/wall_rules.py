@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from sph.physics.liquids import Liquids
+from sph.physics.viscosities import Viscosity
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,10 @@ class WallRule:
     def images(self) -> bool:
         """Whether such a wall shows images of the fluid."""
         return self.face_images or self.layer_images
+
+    def knows(self, viscosity: Viscosity) -> bool:
+        """Whether walls go on with the stress of the fluid that this viscosity has."""
+        return self.extrapolated or not viscosity.transposed
 
     def has_edges(self, rigid: bool, liquids: Liquids) -> bool:
         """Edges of such a wall let go of fluid (terms.let_go): not those of rigid bodies, nor among several fluids."""

@@ -207,11 +207,11 @@ def relations(config: SphConfig) -> Iterator[Fault]:
     viscous = any(fluid.dynamic_viscosity for fluid in config.fluid)
     if VISCOSITIES[config.numerics.viscosity_form or "none"].physical and not viscous:
         yield ("numerics", "viscosity_form"), 'needs a fluid with viscosity > 0, or "none"'
-    if VISCOSITIES[config.numerics.viscosity_form or "none"].transposed:
-        for i, wall in enumerate(config.wall):
-            if wall.type and not WALL_RULES[wall.type].extrapolated:
-                text = f'"{wall.type}" does not know viscosity_form = "full-stress": "morris", or leave the type out'
-                yield ("wall", i, "type"), text
+    for i, wall in enumerate(config.wall):
+        form = config.numerics.viscosity_form or "none"
+        if wall.type and not WALL_RULES[wall.type].knows(VISCOSITIES[form]):
+            text = f'"{wall.type}" does not know viscosity_form = "{form}": "morris", or leave the type out'
+            yield ("wall", i, "type"), text
     integrator = config.simulation.integrator
     if config.numerics.shifting and not INTEGRATORS[integrator].split:
         text = f'"{integrator}" finds rates of density before shifts are known: simulation.integrator = "symplectic"'
@@ -240,8 +240,9 @@ def liquid_faults(config: SphConfig) -> Iterator[Fault]:
         for i, _ in enumerate(getattr(config, group)):
             yield (group, i), f"an {group} does not know {these}"
     form = config.numerics.viscosity_form
-    if form and VISCOSITIES[form].sees_strain:
-        yield ("numerics", "viscosity_form"), f'"{form}" does not know {these}: "morris" or "cleary"'
+    if form and VISCOSITIES[form].stress:
+        text = f'"{form}" does not know {these}: "full-stress", "morris" or "cleary"'
+        yield ("numerics", "viscosity_form"), text
     if config.numerics.shifting and liquids.densities:
         yield ("numerics", "shifting"), f"would mix {these} at their interface: false"
     for i, fluid in enumerate(config.fluid):

@@ -98,9 +98,9 @@ def domain_of(config: SphConfig) -> Domain:
 
 def _viscosity_form(config: SphConfig) -> str:
     """The form for a viscous fluid: right at a free surface, if there is one and the walls know it."""
-    several, rules = liquids_of(config).several, [WALL_RULES[wall.type] for wall in config.wall if wall.type]
-    full = not several and all(rule.extrapolated for rule in rules) and free_surface(config)
-    return "full-stress" if full else "morris"
+    full = VISCOSITIES["full-stress"]
+    known = all(WALL_RULES[wall.type].knows(full) for wall in config.wall if wall.type)
+    return "full-stress" if known and free_surface(config) else "morris"
 
 
 def _numerics(config: SphConfig):

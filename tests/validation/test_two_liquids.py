@@ -6,11 +6,12 @@ import math
 
 import numpy as np
 import pytest
+from scipy.optimize import curve_fit, newton
 from test_sph_physics import Done, told
 
 from sph.analysis.theory import cushioned_fall
 from sph.setup.channel import Channel, Layer
-from sph.setup.flows import wave_square
+from sph.setup.flows import StandingWave, wave_square
 
 pytestmark = [pytest.mark.validation, pytest.mark.timeout(3600)]
 
@@ -121,3 +122,69 @@ def test_a_body_floats_between_two_liquids(world):
     height = float(np.mean(done.series("position_raft_y")[done.t > 1.0]))
     surface = 0.5 + (0.5 * 0.4 * 0.2 - 0.4 * 0.09)  # of which the raft pushes up as much as it goes down
     assert abs(told("raft between oil and water: spacings off", (height - surface) / 0.02, "0.5")) < 0.5
+
+
+VISCOUS_LAYERS = """
+simulation = {{ dimensions = 2; end_time = 3.0; }};
+domain = {{ low = [0.0, 0.0]; high = [1.0, 1.2]; periodic = ["x"]; }};
+gravity = [0.0, -9.81];
+fluid = (
+  {{ name = "water"; shape = {{ box = {{ low = [0.0, 0.0]; high = [1.0, 0.7]; }}; }}; kinematic_viscosity = {nu[0]};
+     flow = {{ type = "standing-wave"; amplitude = 0.03; wavelength = 1.0; }}; }},
+  {{ name = "oil"; shape = {{ box = {{ low = [0.0, 0.7]; high = [1.0, 1.0]; }}; }}; kinematic_viscosity = {nu[1]};
+     density = {light}; flow = {{ type = "standing-wave"; amplitude = 0.03; wavelength = 1.0; }}; }}
+);
+numerics = {{ spacing = 0.025; viscosity_form = "{form}"; }};
+wall = ( {{ shape = {{ box = {{ low = [0.0, 0.0]; high = [1.0, 1.2]; open = ["x-", "x+", "y+"]; }}; }};
+           type = "extrapolated-free-slip"; }} );
+gauge = ( {{ name = "crest"; what = "elevation"; at = [0.0, 0.0]; }} );
+output = {{ period = {{ series = 0.01; }}; }};
+"""
+
+
+def waves_of(n: complex, k: float, g: float, depths, densities, viscosities) -> np.ndarray:
+    """[6, 6], singular where w = f(z) exp(n t + i k x) is a wave on two viscous layers over a floor that slips: what
+    each part of f gives to each condition. Below they are sinh kz and mz; above exp(+-kz), exp(+-mz); m2 = k2 + n / nu.
+    """
+    rows, (lower, upper) = np.zeros((6, 6), complex), depths
+
+    def conditions(a: complex, f: np.ndarray, density: float, nu: float) -> list[complex]:
+        """w, w', shear stress, and n times the stress across, of a surface that goes with w; f: derivatives 0 to 3."""
+        pressure = (-n * f[1] + nu * (f[3] - k * k * f[1])) / k**2
+        return [f[0], f[1], density * nu * (f[2] + k * k * f[0]),
+                density * (n * (2 * nu * f[1] - pressure) + g * f[0])]  # fmt: skip
+
+    m = [np.sqrt(k * k + n / nu) for nu in viscosities]
+    for j, a in enumerate((k, m[0])):
+        odd, even = a ** np.arange(4) * np.tanh(a * lower), a ** np.arange(4)
+        rows[:4, j] = conditions(a, np.where(np.arange(4) % 2, even, odd), densities[0], viscosities[0])
+    for j, a in enumerate((k, -k, m[1], -m[1])):
+        from_top = max(a.real, 0.0) * upper
+        for z, places, sign in ((0.0, slice(0, 4), -1.0), (upper, slice(4, 6), 1.0)):
+            f = a ** np.arange(4) * np.exp(a * z - from_top)
+            found = conditions(a, f, densities[1], viscosities[1])
+            rows[places, j + 2] = sign * np.array(found if z == 0.0 else found[2:])
+    return rows / np.abs(rows).max(axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("nu, light", [((1e-3, 2e-2), 1000.0), ((5e-3, 2e-2), 800.0), ((2e-2, 5e-3), 1000.0)])
+@pytest.mark.parametrize(("form", "damped"), [("full-stress", 0.97), ("morris", 0.53), ("cleary", 1.09)])
+def test_a_viscous_wave_on_two_layers_is_damped(world, monkeypatch, form, damped, nu, light):
+    """Rate over that of linear theory."""
+    k, g, depths, densities = 2 * np.pi, 9.81, (0.7, 0.3), (1000.0, light)
+    root = newton(lambda n: np.linalg.det(waves_of(n, k, g, depths, densities, nu)), -0.3 + 7.8j)
+
+    def of_the_surface(_scene, _fluid, flow, x):
+        speed = flow.amplitude * np.sqrt(g * k) * np.exp(k * (x[:, 1] - 1.0))
+        return np.stack([-speed * np.sin(k * x[:, 0]), speed * np.cos(k * x[:, 0])], axis=1)
+
+    monkeypatch.setattr(StandingWave, "velocity", staticmethod(of_the_surface))  # else that of the interface
+    done = Done(world, VISCOUS_LAYERS.format(form=form, nu=nu, light=light), period=0.01)
+
+    def swing(t, height, damping, frequency, phase, level):
+        return height * np.exp(-damping * t) * np.cos(frequency * t + phase) + level
+
+    late, first = done.t > 0.3, (0.03, -root.real, root.imag, -np.pi / 2, 1.0)
+    (_, found, *_), _ = curve_fit(swing, done.t[late], done.series("crest")[late], first)
+    ratio = told(f"wave on two layers, {form}: damping over theory", -found / root.real, "1")
+    assert ratio == pytest.approx(damped, abs=0.03)
