@@ -1,4 +1,4 @@
-"""The layer of fluid at a plate that swings in its own plane (Stokes' second problem), as thin as the spacing or not."""
+"""The layer of fluid at a plate that swings in its plane (Stokes' second problem), thinner than a spacing or not."""
 
 import math
 
