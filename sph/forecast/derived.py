@@ -15,6 +15,7 @@ from sph.kernels.marks import CODES
 from sph.physics import stability
 from sph.physics.fluxes import FLUXES
 from sph.physics.liquids import liquids_of
+from sph.physics.smoothing import SMOOTHING
 from sph.physics.viscosities import VISCOSITIES
 from sph.physics.wall_rules import rule_of
 from sph.setup.mirror_groups import most_images
@@ -161,15 +162,15 @@ def resolution(config: SphConfig) -> Iterator[Derived]:
     reach = stability.support_of(config) / config.numerics.spacing
     neighbours = (math.pi * reach**2 if d == 2 else 4 / 3 * math.pi * reach**3) - 1
     key = ("numerics", "smoothing")
-    verdict, cure = "ok", ""
+    verdict, cure, dense = "ok", "", SMOOTHING[kernel].dense
     if ratio < 0.7:
         verdict, cure = "fail", "smoothing = 1.5: particles hardly have neighbours"
     elif ratio < 1.0:
         verdict, cure = "warn", "smoothing = 1.5"
-    elif ratio > (1.5 if kernel == "cubic" else 2.5):
+    elif ratio > dense:
         verdict = "warn"
-        cure = 'kernel = "wendland2": the cubic spline lets particles pair' if kernel == "cubic" else "smoothing = 1.5"
-    words = "1 .. 1.5" if kernel == "cubic" else "1 .. 2.5"
+        cure = "smoothing = 1.5" + (', or kernel = "wendland2", whose particles pair later' if dense < 2.5 else "")
+    words = f"1 .. {dense:g}"
     source = "Dehnen & Aly 2012 (pairing)"
     yield Derived("smoothing length", "h/dp", ratio, "", words, verdict, source, cure, key, ratio >= 0.5)
     yield Derived("neighbours", "", neighbours)

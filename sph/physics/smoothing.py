@@ -32,6 +32,7 @@ class Smoothing:
     """A kernel: W h^d = norm[d] w(r, 1 / h), F h^(d + 2) = norm[d] slope f(r, 1 / h), 0 from `support` h on.
 
     `norm` by dimension, such that the integral of W is 1. `slope` is a factor that the sums apply at their end.
+    `dense`: h / dp beyond which `check` warns, as particles pair (Dehnen & Aly 2012).
     """
 
     name: str
@@ -40,6 +41,7 @@ class Smoothing:
     w: Callable[[Any, Any], Any]
     f: Callable[[Any, Any], Any]
     slope: float = 1.0
+    dense: float = 2.5
 
     def factor(self, d: int) -> float:
         """What sums of f lack in d dimensions."""
@@ -158,9 +160,9 @@ def quintic_f(r, per_h):
     return fma(near4, 15.0, fma(middle4, -6.0, far4)) / q
 
 
-register(Smoothing("cubic", 2.0, {2: 10 / (7 * math.pi), 3: 1 / math.pi}, cubic_w, cubic_f, -0.75))
+register(Smoothing("cubic", 2.0, {2: 10 / (7 * math.pi), 3: 1 / math.pi}, cubic_w, cubic_f, -0.75, 1.5))
 register(Smoothing("wendland2", 2.0, {2: 7 / (4 * math.pi), 3: 21 / (16 * math.pi)}, wendland2_w, wendland2_f, -5.0))
 register(
     Smoothing("wendland4", 2.0, {2: 9 / (4 * math.pi), 3: 495 / (256 * math.pi)}, wendland4_w, wendland4_f, -14.0 / 3.0)
 )
-register(Smoothing("quintic", 3.0, {2: 7 / (478 * math.pi), 3: 1 / (120 * math.pi)}, quintic_w, quintic_f, -5.0))
+register(Smoothing("quintic", 3.0, {2: 7 / (478 * math.pi), 3: 1 / (120 * math.pi)}, quintic_w, quintic_f, -5.0, 1.5))

@@ -28,7 +28,11 @@ def apply(diff: str, tree: Path, *options: str) -> None:
 
 @pytest.mark.parametrize("name", WORKED)
 def test_a_worked_example_applies_to_this_tree_and_is_shown(name):
+    """If not: patch -p1 --no-backup-if-mismatch < docs/worked/NAME.diff, mend what it rejects, git add -N tests,
+    git diff -U2 of the files it names into docs/worked/NAME.diff, and take them back.
+    """
     apply(WORKED[name], ROOT, "--check")
+    assert not re.search(r"^\+\+\+ b/.*\.(orig|rej)$", WORKED[name], re.MULTILINE)
     assert f"docs/worked/{name}.diff" in (ROOT / "docs/developing.md").read_text()
 
 

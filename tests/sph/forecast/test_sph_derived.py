@@ -97,7 +97,7 @@ def test_force_is_told_which_limit_it_does_not_lift():
 @pytest.mark.parametrize(
     "ratio, kernel, verdict",
     [(0.6, "cubic", "fail"), (0.8, "cubic", "warn"), (1.2, "cubic", "ok"), (1.5, "cubic", "ok"),
-     (2.0, "wendland2", "ok"), (3.0, "cubic", "warn")],
+     (2.0, "wendland2", "ok"), (3.0, "cubic", "warn"), (1.6, "quintic", "warn")],
 )  # fmt: skip
 def test_the_smoothing_length(ratio, kernel, verdict):
     found = numbers(numerics=f'smoothing = {ratio}; kernel = "{kernel}";', simulation="cfl = 0.05;")

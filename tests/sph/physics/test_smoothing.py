@@ -10,6 +10,7 @@ from hpcpic.core.case import accelerations
 from hpcpic.core.case.own_functions import formula_fault
 from hpcpic.core.errors import ConfigError
 from sph import Case
+from sph.case.config import Numerics
 from sph.kernels import cells, marks, motion, readings, runs, totals
 from sph.physics.smoothing import SMOOTHING, Smoothing, register, wendland2_f, wendland2_w
 
@@ -18,6 +19,11 @@ Q = np.linspace(0.0, 3.0, 300001)
 
 def integral(values):
     return np.sum(values[1:] + values[:-1]) / 2 * (Q[1] - Q[0])
+
+
+def test_the_key_tells_all_of_them():
+    told = Numerics.model_fields["kernel"].description
+    assert [name for name in SMOOTHING if name not in told] == []
 
 
 @pytest.mark.parametrize("name", SMOOTHING)
