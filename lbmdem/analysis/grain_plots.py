@@ -28,7 +28,7 @@ def config_of(run: Run) -> LbmDemConfig:
 def snapshots_of(run: Run) -> Particles:
     if not config_of(run).grains:
         raise NotInScene("there are no grains")
-    return present(lambda: run.particle_snapshots, "the grains (output.period.grains)")
+    return present(lambda: run.particle_snapshots, "the grains")
 
 
 def all_grains(run: Run, step: int) -> dict[str, np.ndarray]:

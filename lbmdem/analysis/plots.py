@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 def _fields(run: Run) -> Fields:
     if config_of(run).fluid is None:
         raise NotInScene("there is no fluid")
-    return present(lambda: run.field_snapshots, "the fluid (output.period.fields)")
+    return present(lambda: run.field_snapshots, "the fluid")
 
 
 # ---------------------------------------------------------------------------------------------- fluid

@@ -33,7 +33,7 @@ WALL, BODY = "#b8bcc2", COLOURS[1]
 
 
 def snapshots_of(run: Run) -> Particles:
-    return present(lambda: run.particle_snapshots, "the particles (output.period.particles)")
+    return present(lambda: run.particle_snapshots, "the particles")
 
 
 def fluid_names(run: Run, gases: bool) -> list[str]:

@@ -244,7 +244,7 @@ def columns_of(run: Run, *names: str) -> tuple[np.ndarray, ...]:
 
 
 def present(find: Callable[[], S], what: str) -> S:
-    """The snapshots that `find` opens. Raises NoData, with `what` they are and the setting that asks for them."""
+    """The snapshots that `find` opens. Raises NoData, with `what` they are."""
     try:
         snapshots = find()
         snapshots.index()

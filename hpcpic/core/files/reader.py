@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.core.case.config import loads
 from hpcpic.core.errors import FileError
 from hpcpic.core.files.arrays import PARTICLE_UNITS
 from hpcpic.core.files.histograms import Histogram, read_histogram
@@ -252,14 +253,21 @@ class Run:
     @cached_property
     def field_snapshots(self) -> Fields:
         if not self.rundir.fields.exists():
-            raise FileError(f"{self.path}: no fields.vtkhdf: the run has no snapshots of fields")
+            raise self._without("fields.vtkhdf", "fields", "fields")
         return Fields(self.rundir.fields)
 
     @cached_property
     def particle_snapshots(self) -> Particles:
         if not self.rundir.particles.exists():
-            raise FileError(f"{self.path}: no particles.vtkhdf or grains.vtkhdf: the run has no snapshots of particles")
+            raise self._without("particles.vtkhdf or grains.vtkhdf", "particles", "particles", "grains")
         return Particles(self.rundir.particles)
+
+    def _without(self, file: str, what: str, *words: str) -> FileError:
+        """That the run has no such snapshots, and the setting that asks for them: that of its case with such a word."""
+        output = loads(self.config, self.config_file).data.get("output", {})
+        names = [(group, word) for group in ("period", "every") for word in words if word in output.get(group, {})]
+        way = "; {}.{}.{} asks for them".format("output", *names[0]) if names else ""
+        return FileError(f"{self.path}: no {file}: the run has no snapshots of {what}{way}")
 
     def histogram(self, name: str) -> Histogram:
         """A histogram in time, by the name that the case gives it."""

@@ -42,7 +42,7 @@ MAX_PATHS = 16  # particles
 def snapshots_of(run: Run) -> Particles:
     if not any(species.particles for species in config_of(run).species):
         raise NotInScene("there are no particles")
-    return present(lambda: run.particle_snapshots, "the particles (output.every.particles)")
+    return present(lambda: run.particle_snapshots, "the particles")
 
 
 def _velocity_limits(snapshots: Particles, numbers: Sequence[int]) -> tuple[float, float]:

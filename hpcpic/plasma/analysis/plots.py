@@ -54,7 +54,7 @@ WEAKLY_DAMPED = 0.6  # k lambda_D of waves that a spectrum shows
 
 
 def _fields(run: Run) -> Fields:
-    found = present(lambda: run.field_snapshots, "the fields (output.every.fields)")
+    found = present(lambda: run.field_snapshots, "the fields")
     if not found.points:
         raise NotInScene("the grid has one point")
     return found

@@ -300,6 +300,20 @@ def test_particles_in_memory_have_all_digits_of_the_state(tmp_path):
         assert kept[name].dtype == np.float32 and np.array_equal(kept[name], water[name].astype(np.float32))
 
 
+@pytest.mark.parametrize(
+    ("program", "case", "end", "setting"),
+    [
+        (hpcpic, "plasma-oscillation", SHORT, "every.particles"),
+        (sph, "water-column", {"numerics.spacing": 0.05, "simulation.end_time": 0.002}, "period.particles"),
+        (lbmdem, "settling-disc", {"simulation.end_time": 1e-3}, "period.grains"),
+    ],
+)
+def test_a_run_without_snapshots_names_the_setting_that_asks_for_them(program, case, end, setting, tmp_path):
+    run = program.Case(case).changed({**end, f"output.{setting}": 0}).run(tmp_path / "run", threads=1, quiet=True)
+    with pytest.raises(hpcpic.FileError, match=rf"has no snapshots of particles; output\.{setting} asks for them"):
+        run.particles("electrons")
+
+
 def test_wall_and_checkpoints_are_taken_as_numbers_too(tmp_path):
     case = hpcpic.Case("plasma-oscillation").changed(SHORT)
     run = case.run(tmp_path / "run", threads=1, wall=600, checkpoint_every=5, quiet=True)
