@@ -55,6 +55,7 @@ class Limit:
     slow: bool = False  # 4 times the horizon moves it by more than 5 %: no limit, a slow growth
     seeds: dict[int, bool] = field(default_factory=dict)  # seed -> same within 5 %
     tried: dict[float, float] = field(default_factory=dict)  # x -> growth, infinite of a run that diverged
+    ended: str = ""  # what ended the least unstable run
 
     @property
     def x(self) -> float:
@@ -118,16 +119,19 @@ class Limits:
         """The limit on the axis at the first horizon, from a bracket about `start`."""
         name, others = axis.knob.name, beside or {}
         tried: dict[float, float] = {}
+        ends: dict[float, str] = {}
 
         def probe(x: float) -> tuple[float, bool]:
             words = f"{x:.4g} of the theory's limit" if axis.number else f"{x:.4g} of the case's"
             pilot = self.run({**others, name: axis.size(x)}, words=words)
             real = axis.x(pilot.sizes[name])
             tried[real] = self.growth(pilot)
+            how = ": ".join(pilot.words.strip().split(": ")[:3])  # without the ways out
+            ends[real] = how if pilot.exit_code else f"growth: {tried[real]:.3g}"
             return real, tried[real] > BLOWUP
 
         limit = bracketed(probe, start, WIDEST if axis.number else WIDEST_BLIND)
-        limit.tried = tried
+        limit.tried, limit.ended = tried, ends.get(limit.unstable or 0.0, "")
         return limit
 
     def confirm(self, axis: Axis, limit: Limit) -> None:

@@ -105,7 +105,7 @@ def tell(limits: Limits, axis: Axis, limit: Limit, rates: list[tuple[float, floa
     if math.isfinite(limit.x):
         size = axis.size(limit.x)
         ends = " .. ".join(f"{knob.shown(axis.size(x)):.4g}" for x in (limit.stable, limit.unstable) if x)
-        click.echo(f"measured    stability ends at {knob.name} = {ends} {knob.unit}")
+        click.echo(f"measured    stability ends at {knob.name} = {ends} {knob.unit}".rstrip())
         if axis.number is not None:
             number = axis.number
             ratio = limit.x if axis.theory == number.stable_below else 1.0 / limit.x
@@ -119,6 +119,8 @@ def tell(limits: Limits, axis: Axis, limit: Limit, rates: list[tuple[float, floa
         click.echo(f"            {seeds}; {longer}")
         click.echo(f"the case    {knob.name} = {knob.shown(own):.4g} {knob.unit} is {own / size:.3g} of it")
         click.echo(strip(axis.x(own) / limit.x))
+        side = "larger" if axis.power > 0.0 else "smaller"
+        click.echo(f"it ends     towards {side} sizes, no other was run; beyond, {limit.ended}")
     elif limit.stable is not None:
         last = f"{knob.name} = {knob.shown(axis.size(limit.stable)):.4g} {knob.unit}".rstrip()
         click.echo(f"measured    nothing grows {BLOWUP:g} times as large until {last}")

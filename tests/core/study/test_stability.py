@@ -51,6 +51,7 @@ def test_a_sharp_limit_is_found_beside_the_theory(program, tmp_path):  # noqa: F
     assert found["measured_over_theory"] == pytest.approx(1.0, abs=0.05)
     assert found["seeds"] == {"2": True, "3": True} and not found["slow"] and found["runs"] <= 16
     assert "measured/theory" in done.stdout
+    assert "towards larger sizes, no other was run; beyond, growth: " in done.stdout
     rows = [line.split()[-1] for line in done.stdout.partition("tried")[2].splitlines()[2:]]
     assert [word for word in rows if word != "limit"] == sorted(word for word in rows if word != "limit")
     assert {"stable", "unstable"} < set(rows) and rows.count("limit") == 1  # theory's, in its place
