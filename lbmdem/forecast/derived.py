@@ -275,7 +275,8 @@ def packings(config: LbmDemConfig) -> Iterator[Derived]:
         height = max(high - low, math.ulp(high))
         void = 1.0 - solid / (math.prod(sides) * height)
         key: Path = ("grains", i, "packing") if group.packing.porosity is None else ("grains", i, "packing", "porosity")
-        least, source, cure = DENSEST_VOID[d], "densest of equal grains", "fewer grains, or more space for them"
+        least, cure = DENSEST_VOID[d], "fewer grains, or more space for them"
+        source = "densest of equal grains; that from which these begin to fall: settling leaves less"
         if group.packing.porosity is not None:
             least = least_porosity(config, law, (*sides, height))
             source = "grains that grow without friction until they touch"

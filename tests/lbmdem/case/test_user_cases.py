@@ -84,6 +84,13 @@ def test_a_sample_denser_than_grains_grow_is_refused_before_it_is_made():
     assert [n.verdict for n in numbers if n.name == "void fraction of sample"] == ["ok"]
 
 
+@pytest.mark.parametrize("words, falls", [("", True), ("porosity = 0.5", False)])
+def test_a_void_fraction_before_grains_settle_is_called_so(words, falls):
+    """They end with 0.4, not with the half from which they fall."""
+    found = next(n for n in derived(configure(loads(packing(20, words)))) if n.name == "void fraction of bed")
+    assert ("begin to fall" in found.source) == falls
+
+
 def test_an_inlet_without_an_outlet_is_warned_of():
     numbers = derived(configure(loads(f"{BOX}{INLET});")))
     assert [n.verdict for n in numbers if n.name == "mean density at the end"] == ["warn"]
