@@ -27,6 +27,7 @@ from lbmdem.fluid.fluid import Fluid
 from lbmdem.fluid.obstacles import obstacle_walls
 from lbmdem.forecast.cuts import Grains, first_cuts, laying_out, row_costs, sums_by_row
 from lbmdem.forecast.estimate import output_periods
+from lbmdem.forecast.pressures import pressures
 from lbmdem.grains.dem import Dem
 from lbmdem.grains.placement import place_grains
 from lbmdem.kernels.layout import FLUID
@@ -289,6 +290,8 @@ class LbmDem:
     def guard(self) -> str | None:
         """Why this rank's state is no solution, or None."""
         found = guard.fault(self.diagnostics, self.fluid, self.dem, self.max_overlap)
+        if found and found.endswith(guard.CURE):
+            found += "".join(f"; {number}" for number in pressures(self.scene.config) if number.verdict != "ok")
         return found or (self.grain_bits.trouble if self.grain_bits else None)
 
     def worst(self) -> list[str]:

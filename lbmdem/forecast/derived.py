@@ -15,6 +15,7 @@ from lbmdem.forecast.driven import between_faces, driven, steady
 from lbmdem.forecast.free_fall import falling, landing, released, screen, unheld
 from lbmdem.forecast.node_shares import LOOSE
 from lbmdem.forecast.plan import grain_count
+from lbmdem.forecast.pressures import inflow, pressures
 from lbmdem.forecast.relaxation import SPACING, grid_reynolds, key_of_tau, relaxation, slower
 from lbmdem.physics.velocity_sets import CS2, LATTICES
 from lbmdem.physics.wall_rules import RULES, impedance
@@ -90,43 +91,6 @@ def speeds(config: LbmDemConfig) -> Iterator[Derived]:
     reynolds = u * dx / config.liquid.kinematic_viscosity
     if reynolds:
         yield grid_reynolds(config, reynolds)
-
-
-def pressures(config: LbmDemConfig) -> Iterator[Derived]:
-    """Densities at the pressure faces: the lattice fluid is compressible."""
-    dx, dt, rho = config.spacing, config.time_step, config.liquid.density
-    unit = rho * (dx / dt) ** 2 * CS2  # pressure of a density change of one
-    for i, face in enumerate(config.boundary):
-        if face.type != "pressure":
-            continue
-        start = face.density / rho if face.density is not None else 1.0 + (face.pressure or 0.0) / unit
-        end = start + face.pressure_rate * config.simulation.end_time / unit
-        worst = max(start, end, key=lambda density: abs(density - 1.0))
-        key = ("boundary", i, "density" if face.density is not None else "pressure")
-        cure = "a smaller relaxation_time makes the time step and this change smaller"
-        yield density(f"density at {face.face}", worst, "weak compressibility", cure, key)
-
-
-def density(name: str, value: float, source: str, cure: str, key: Path) -> Derived:
-    """A density over that of rest, which may differ by a half at the most, and by 2 % without a word."""
-    off = abs(value - 1.0)
-    return judged(
-        name, "rho/rho0", value, ok=off <= 0.02, legal=off < 0.5, limit="within 1 +- 0.02, 0.5 at all",
-        source=source, cure=cure, key=key, forceable=value > 0.0,
-    )  # fmt: skip
-
-
-def inflow(config: LbmDemConfig) -> Iterator[Derived]:
-    """Mean density at the end, of a fluid that velocity faces let in and nothing lets out."""
-    given = [(i, face) for i, face in enumerate(config.boundary) if face.type == "velocity"]
-    if not given or any(face.type == "pressure" for face in config.boundary):
-        return
-    axis = AXES.index(given[0][1].face[0])  # open faces are those of one axis
-    into = sum(face.velocity[axis] if face.face[1] == "-" else -face.velocity[axis] for _, face in given)
-    mean = 1.0 + into * config.simulation.end_time / config.domain.size[axis]
-    cure = f"what flows in has no way out: a pressure face across {AXES[axis]} is one"
-    key = ("boundary", given[-1][0], "velocity")
-    yield density("mean density at the end", mean, "conservation of mass", cure, key)
 
 
 def ringing(config: LbmDemConfig) -> Iterator[Derived]:

@@ -52,6 +52,15 @@ def speed_alone(config: LbmDemConfig, size: float, pull: float) -> float:
     return v
 
 
+def drag_alone(config: LbmDemConfig, size: float, u: float) -> float:
+    """Drag of a lone grain of this diameter in a fluid of speed u, over the mass that it displaces, m/s2: the inverse
+    of `speed_alone`."""
+    nu = config.liquid.kinematic_viscosity
+    if config.dimensions == 2 or not u:
+        return max(2.0 / math.pi * u * u / size, 18.0 * nu * u / size**2)
+    return 0.75 * drag_coefficient(u * size / nu) * u * u / size
+
+
 def stays(config: LbmDemConfig, group: GrainSet) -> bool:
     """Whether the grains of a set hold the fluid back, as they cannot give way to it."""
     return config.coupling.frozen or not group.moving
@@ -62,7 +71,7 @@ def speed_through(config: LbmDemConfig, a: float) -> float:
     times that past a lone one that bears its share of the force, or twice Ergun's mean in the pores (1952), as in a
     tube, if that is less. A disc counts as the sphere of its surface over its volume.
     """
-    d, nu = config.dimensions, config.liquid.kinematic_viscosity
+    d = config.dimensions
     held = [group for group in config.grains if stays(config, group)]
     room = math.prod(config.domain.size)
     c = sum(n * volume(r * config.spacing, d) for group in held for r, n in grains(config, group)) / room
@@ -70,10 +79,16 @@ def speed_through(config: LbmDemConfig, a: float) -> float:
     alone = speed_alone(config, size, a / c)
     if c >= 1.0:
         return PEAK * alone
-    sphere, pores = size * (1.5 if d == 2 else 1.0), (1.0 - c) ** 3
-    slow, fast = 150.0 * nu * (c / sphere) ** 2 / pores, 1.75 * c / sphere / pores
+    slow, fast = ergun(config, c, size * (1.5 if d == 2 else 1.0))
     mean = 2.0 * a / (slow + math.sqrt(slow**2 + 4.0 * fast * a))
     return PEAK * min(alone, 2.0 * mean / (1.0 - c))
+
+
+def ergun(config: LbmDemConfig, c: float, sphere: float) -> tuple[float, float]:
+    """What a bed of solid fraction c < 1 takes of a fluid's momentum, m/s2, by its mean speed and by the square of it:
+    Ergun 1952. sphere: diameter of the sphere that has as much surface for its volume as its grains, m."""
+    pores = (1.0 - c) ** 3
+    return 150.0 * config.liquid.kinematic_viscosity * (c / sphere) ** 2 / pores, 1.75 * c / sphere / pores
 
 
 def impact_speed(config: LbmDemConfig, i: int) -> float:

@@ -140,8 +140,14 @@ def packing_ends(config: LbmDemConfig, grains: GrainSet) -> tuple[list[float], l
     lower than a slanted floor gets anywhere.
     """
     assert grains.packing is not None
+    ends, tops = ends_between_planes(config)
+    ends[-1] = max(ends[-1], grains.packing.low, cover(config))
+    return ends, tops
+
+
+def ends_between_planes(config: LbmDemConfig) -> tuple[list[float], list[float]]:
+    """Lower and upper ends (m) along each axis of what planes across it leave of the box."""
     ends, tops = [0.0] * config.dimensions, list(config.domain.size)
-    ends[-1] = max(grains.packing.low, cover(config))
     for plane in (obstacle.shape.plane for obstacle in config.obstacle):
         across = [k for k, part in enumerate(plane.normal) if part] if plane is not None else []
         if plane is not None and len(across) == 1:

@@ -1,0 +1,200 @@
+"""The pressures that a case makes, over rho c_s2: the lattice fluid gives way to them, as that times the change of its
+density is its pressure.
+"""
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from hpcpic.core.case.config import Path
+from hpcpic.core.case.derived import Derived, judged
+from lbmdem.case.boundaries import Boundary
+from lbmdem.case.config import AXES, GrainSet, LbmDemConfig
+from lbmdem.forecast.free_fall import drag_alone, ergun, stays, whole_weight
+from lbmdem.forecast.node_shares import LOOSE, grains, volume
+from lbmdem.forecast.relaxation import key_of_tau, slower
+from lbmdem.physics.velocity_sets import CS2
+from lbmdem.setup.overlap_survey import ends_between_planes, packed_space, packing_ends
+
+MOST = 0.5  # of rho c_s2: there a flow that is let in doubles its density, and sound halves it between walls
+# The share of it that is right, and what more does: where fluid comes in or leaves, and between walls
+THROUGH = 0.02, "speeds and pressures are off by about as much"
+SINKING = 0.1, "grains that sank diverged at 0.18"
+STILL = 0.3, "the sound of the start diverged at 0.65"
+DENSEST = 0.95  # solid fraction of a bed of which a resistance is told
+
+
+class Bed(NamedTuple):
+    """Solids that stay: their volume (m3, in 2D m2), surface, and ends along an axis, m."""
+
+    solid: float
+    surface: float
+    low: float
+    high: float
+
+
+def pressures(config: LbmDemConfig) -> Iterator[Derived]:
+    """The largest pressure above or below that of rest: what faces give, the drop of a flow that velocity faces let in,
+    body forces and shaking along axes that walls close, and grains whose weight the fluid bears.
+
+    A flow whose drop is r times rho c_s2 comes in with 1/(1 - r) times the density with which it leaves, whose speed
+    grows by as much: its mass stays, and so does its kinematic viscosity.
+    """
+    unit = config.liquid.density * (config.spacing / config.time_step) ** 2 * CS2
+    ends = [end for k in range(config.dimensions) for end in along(config, k) if end.pressure]
+    if not ends:
+        return
+    largest = max(ends, key=lambda end: abs(end.pressure) / end.limit[0])
+    (most, harm), off = largest.limit, abs(largest.pressure) / unit
+    cure = f"{harm}; relaxation_time = {slower(config, 0.99 * math.sqrt(most / off))} makes sound fast enough"
+    if largest.density:
+        cure = "a density nearer to that of the fluid, or a pressure, which a smaller relaxation_time makes less of it"
+    yield judged(
+        "largest pressure", "p/(rho c_s2)", off, ok=off <= most, legal=off < MOST, limit=f"<= {most:g}, < {MOST:g} at "
+        "all", source=f"weak compressibility; {largest.words}", key=largest.density or key_of_tau(config), cure=cure,
+        forceable=largest.pressure > -unit,
+    )  # fmt: skip
+
+
+class End(NamedTuple):
+    """The pressure at an end of an axis, Pa; its limit, what makes it, and the key of the density that a case gives in
+    place of a pressure."""
+
+    pressure: float
+    limit: tuple[float, str]
+    words: str
+    density: Path = ()
+
+
+def along(config: LbmDemConfig, k: int) -> Iterator[End]:
+    """What happens at the ends of an axis."""
+    faces = [next((f for f in config.boundary if f.face == AXES[k] + side), None) for side in "-+"]
+    if AXES[k] in config.domain.periodic:
+        return
+    given = [at_face(config, face) for face in faces if face and face.type == "pressure"]
+    parts = {} if len(given) == 2 else drops(config, k, faces)
+    words = ", ".join(f"{name} {abs(part):.3g} Pa" for name, part in parts.items() if part)
+    drop = sum(parts.values())
+    carries = any(not stays(config, group) for group in config.grains)
+    limit = SINKING if carries else STILL
+    if any(face and face.type != "wall" for face in faces):
+        limit = THROUGH
+    if not given:
+        yield End(0.5 * drop, limit, f"half of {words}")
+        return
+    for pressure, face in zip(given, (face for face in faces if face and face.type == "pressure")):
+        key = ("boundary", config.boundary.index(face), "density") if face.density is not None else ()
+        yield End(pressure, limit, f"the pressure at {face.face}", key)
+    if drop:
+        yield End(given[0] + (drop if faces[1] and faces[1].type == "pressure" else -drop), limit, words)
+
+
+def at_face(config: LbmDemConfig, face: Boundary) -> float:
+    """The pressure at a face that is the furthest from that of rest, Pa."""
+    unit = (config.spacing / config.time_step) ** 2 * CS2
+    start = face.pressure or 0.0 if face.density is None else (face.density - config.liquid.density) * unit
+    return max(start, start + face.pressure_rate * config.simulation.end_time, key=abs)
+
+
+def drops(config: LbmDemConfig, k: int, faces: list[Boundary | None]) -> dict[str, float]:
+    """How much higher the pressure at the low end of an axis is than at the high one, by cause, Pa."""
+    size, rho, speed = config.domain.size, config.liquid.density, 0.0
+    if all(face and face.type != "wall" for face in faces):
+        speed = max((face.velocity[k] for face in faces if face and face.type == "velocity"), key=abs, default=0.0)
+    found = {"drop of the flow": math.copysign(resistance(config, k, abs(speed)), speed)}
+    found["the body force"] = -rho * config.liquid.body_force[k] * size[k]
+    down = config.gravity[k] / math.hypot(*config.gravity) if any(config.gravity) else 0.0
+    for group in config.grains if down else ():
+        if not stays(config, group):
+            weight = -down * whole_weight(config, group) / (math.prod(size) / size[k])
+            weight *= math.copysign(1.0, group.density - rho)
+            if lies(config, group):  # and the fluid bears no more of it than the drop of a flow through it
+                through = bed_drop(config, k, span(config, group, k), speed)
+                weight = math.copysign(min(abs(weight), through), speed)
+            found["the weight of grains"] = found.get("the weight of grains", 0.0) + weight
+    shaken = rho * abs(config.shaking.acceleration[k]) * size[k] if config.shaking else 0.0
+    found["the shaking"] = math.copysign(shaken, sum(found.values()))
+    return found
+
+
+def resistance(config: LbmDemConfig, k: int, speed: float) -> float:
+    """Drop of the pressure, Pa, of a flow of this mean speed along an axis: that of a slot or a rectangular duct (Shah
+    & London 1978), and that of a bed of all solids that stay."""
+    if not speed:
+        return 0.0
+    ends, tops = ends_between_planes(config)
+    walled = [j for j in range(config.dimensions) if j != k and (
+        j in config.walled(k) or (ends[j] > 0.0 and tops[j] < config.domain.size[j])
+    )]  # fmt: skip
+    found, gaps = 0.0, sorted(tops[j] - ends[j] for j in walled)
+    if gaps:
+        a = gaps[0] / gaps[1] if len(gaps) == 2 else 0.0
+        shape = 1 - 1.3553 * a + 1.9467 * a**2 - 1.7012 * a**3 + 0.9564 * a**4 - 0.2537 * a**5
+        gradient = 12.0 * shape * (1.0 + a) ** 2 * speed / gaps[0] ** 2
+        found = config.liquid.density * config.liquid.kinematic_viscosity * gradient * config.domain.size[k]
+    held = [span(config, group, k) for group in config.grains if stays(config, group)]
+    for box in (obstacle.shape.box for obstacle in config.obstacle):
+        if box is not None:
+            low = [max(0.0, a) for a in box.low]
+            edges = [min(b, length) - a for a, b, length in zip(low, box.high, config.domain.size)]
+            if min(edges) > 0.0:
+                solid = math.prod(edges)
+                held.append(Bed(solid, sum(2.0 * solid / edge for edge in edges), low[k], low[k] + edges[k]))
+    if held:
+        solid, surface = (sum(one[j] for one in held) for j in range(2))
+        whole = Bed(solid, surface, min(one.low for one in held), max(one.high for one in held))
+        found += bed_drop(config, k, whole, speed)
+    return found
+
+
+def bed_drop(config: LbmDemConfig, k: int, bed: Bed, speed: float) -> float:
+    """Drop of the pressure of a flow along an axis through a bed, Pa: Ergun's (1952), or the drag of its grains as if
+    each were alone, if that is more."""
+    u, size, rho = abs(speed), config.domain.size, config.liquid.density
+    length = max(bed.high - bed.low, 1e-300)
+    c = min(DENSEST, bed.solid / (math.prod(size) / size[k] * length))
+    slow, fast = ergun(config, c, 6.0 * bed.solid / bed.surface)
+    alone = c * drag_alone(config, 2.0 * config.dimensions * bed.solid / bed.surface, u)
+    return rho * length * max(alone, slow * u + fast * u * u)
+
+
+def span(config: LbmDemConfig, group: GrainSet, k: int) -> Bed:
+    """A set of grains as a bed."""
+    d, dx = config.dimensions, config.spacing
+    each = [(r * dx, n * volume(r * dx, d)) for r, n in grains(config, group)]
+    solid, surface = sum(part for _, part in each), sum(d * part / r for r, part in each)
+    low, high = 0.0, config.domain.size[k]
+    if group.packing is not None and k == d - 1:
+        low, high = packing_ends(config, group)[0][k], packed_space(config, group, solid)
+    elif len(group.centres):
+        x, r = np.asarray(group.centres)[:, k], 0.5 * group.largest_diameter
+        low, high = max(low, float(x.min()) - r), min(high, float(x.max()) + r)
+    return Bed(solid, surface, low, high)
+
+
+def lies(config: LbmDemConfig, group: GrainSet) -> bool:
+    """Whether grains are at rest on each other at the start, as settled or placed as dense."""
+    if group.packing is not None:
+        return group.packing.porosity is None or group.packing.porosity <= LOOSE[config.dimensions]
+    down = int(np.argmax(np.abs(config.gravity)))
+    bed = span(config, group, down)
+    room = math.prod(config.domain.size) / config.domain.size[down] * max(bed.high - bed.low, 1e-300)
+    return group.count > 1 and 1.0 - bed.solid / room <= LOOSE[config.dimensions]
+
+
+def inflow(config: LbmDemConfig) -> Iterator[Derived]:
+    """Mean density at the end, of a fluid that velocity faces let in and nothing lets out."""
+    given = [(i, face) for i, face in enumerate(config.boundary) if face.type == "velocity"]
+    if not given or any(face.type == "pressure" for face in config.boundary):
+        return
+    axis = AXES.index(given[0][1].face[0])  # open faces are those of one axis
+    into = sum(face.velocity[axis] if face.face[1] == "-" else -face.velocity[axis] for _, face in given)
+    mean = 1.0 + into * config.simulation.end_time / config.domain.size[axis]
+    off = abs(mean - 1.0)
+    yield judged(
+        "mean density at the end", "rho/rho0", mean, ok=off <= 0.02, legal=off < 0.5, limit="within 1 +- 0.02, 0.5 at "
+        "all", source="conservation of mass", key=("boundary", given[-1][0], "velocity"), forceable=mean > 0.0,
+        cure=f"what flows in has no way out: a pressure face across {AXES[axis]} is one",
+    )  # fmt: skip
