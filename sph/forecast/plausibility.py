@@ -11,6 +11,7 @@ from sph.case import geometry
 from sph.case.config import AXES, SphConfig
 from sph.forecast.damping import damping
 from sph.forecast.friction import friction
+from sph.forecast.joints import joints
 from sph.forecast.size import longest
 from sph.forecast.slips import slips
 from sph.forecast.speed_limits import speed_limits
@@ -54,6 +55,7 @@ def sensible(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     yield from gases(config, scene)
     yield from bodies_outside(config)
     yield from slips(config, scene)
+    yield from joints(scene)
     yield from falling(scene)
     yield from weightless(config)
     yield from rigid_bodies(scene)
