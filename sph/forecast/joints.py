@@ -1,5 +1,5 @@
-"""Walls that meet only along an edge: beyond it there is no wall, and fluid is pressed out between the particles that are
-nearest to it, 1.4 spacings from each other.
+"""Walls that meet only along an edge: beyond it there is no wall, and fluid is pressed out between the particles beside
+it, which are 1.4 spacings from each other.
 """
 
 import itertools
@@ -15,8 +15,9 @@ from sph.setup.scene import Scene, Wall
 from sph.setup.tanks import depth_in_wall, rims
 
 OVERLAP = 1.0  # spacings that hold water; so did half a spacing, and none lost a quarter of a tank in 3 s (measured)
-RADIUS = 0.5  # spacings, of a circle around a point of an edge: an overlap of less counts as none
+RADIUS = 0.5  # spacings, of a circle around a point of an edge
 AROUND = 64  # places on that circle
+WIDE = AROUND / 6  # of a sector that is no slot between walls; so an overlap of up to a quarter of a spacing is none
 ALONG = 8  # points of an edge
 SIGHT = 0.25  # spacings beside a wall that fluid does not see through: an edge where walls touch is no gap
 
@@ -66,9 +67,10 @@ def leaks(scene: Scene, point: NDArray[np.float64], axes: tuple[int, int]) -> bo
     circle[:, axes] += RADIUS * scene.spacing * np.stack([np.cos(turn), np.sin(turn)], axis=1)
     free = ~walled(scene, circle, 0.0)
     starts = np.flatnonzero(free & ~np.roll(free, 1))
-    if len(starts) < 2:
-        return False
     sectors = [np.roll(circle, -start, axis=0)[: int(np.argmin(np.roll(free, -start)))] for start in starts]
+    sectors = [sector for sector in sectors if len(sector) >= WIDE]
+    if len(sectors) < 2:
+        return False
     waters = [geometry.bounds(fluid.shape) for fluid in scene.config.fluid]
     waters += [(inlet.low, inlet.high) for inlet in scene.config.inlet]
     for low, high in waters:

@@ -32,7 +32,7 @@ def rows(given, d=2, **settings):
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("made, tells", [
     ({}, True),
-    ({"down": 0.2 * DP}, True),  # less than half a spacing
+    ({"down": 0.2 * DP}, True),  # hardly
     ({"down": -0.2 * DP}, True),  # and a gap
     ({"down": DP}, False),
     ({"wide": DP}, False),
