@@ -11,6 +11,7 @@ from sph.case import geometry
 from sph.case.config import AXES, SphConfig
 from sph.forecast.damping import damping
 from sph.forecast.friction import friction
+from sph.forecast.interfaces import interfaces
 from sph.forecast.joints import joints
 from sph.forecast.size import longest
 from sph.forecast.slips import slips
@@ -61,6 +62,7 @@ def sensible(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     yield from rigid_bodies(scene)
     yield from friction(config, scene)
     yield from damping(config)
+    yield from interfaces(config, scene)
     yield from films(scene)
     yield from slots(scene)
     yield from openings(config, scene)

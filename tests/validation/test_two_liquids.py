@@ -10,6 +10,7 @@ from scipy.optimize import curve_fit, newton
 from test_sph_physics import Done, told
 
 from sph.analysis.theory import cushioned_fall
+from sph.forecast.interfaces import interfaces
 from sph.setup.channel import Channel, Layer
 from sph.setup.flows import StandingWave, wave_square
 
@@ -75,6 +76,37 @@ def test_a_heavy_liquid_on_a_light_one_falls_as_rayleigh_and_taylor_say(world):
     late = t > 0.3
     found = float(np.mean(np.arcsinh(y[late] / 0.02) / t[late]))
     assert abs(told("Rayleigh-Taylor: growth rate over theory - 1", found / rate - 1, "10 %")) < 0.1
+
+
+PRESSED = """
+simulation = {{ dimensions = 2; end_time = 1.6; }}; gravity = [0.0, -9.81];
+domain = {{ low = [0.0, 0.0]; high = [0.5, 1.0]; periodic = ["x"]; }};
+fluid = (
+  {{ name = "brine"; density = 1200.0; shape = {{ box = {{ low = [0.0, 0.0]; high = [0.5, 0.5]; }}; }}; {wave} }},
+  {{ name = "oil"; density = 800.0; shape = {{ box = {{ low = [0.0, 0.5]; high = [0.5, 1.0]; }}; }}; {wave} }} );
+numerics = {{ spacing = 0.0125; viscosity_form = "none"; smoothing = {smoothing}; }};
+wall = ( {{ shape = {{ box = {{ low = [0.0, 0.0]; high = [0.5, 1.0]; }}; }}; }} );
+gauge = ( {{ name = "crest"; what = "elevation"; at = [0.0, 0.0]; fluid = "brine"; }},
+  {{ name = "valley"; what = "elevation"; at = [0.25, 0.0]; fluid = "brine"; }} );
+"""
+
+
+def test_pressed_particles_damp_a_short_wave_under_deep_oil_as_check_foretells(world):
+    """Measured: 0.20 of the frequency with h/dp 1.5 (foretold 0.20), 0.06 with 2.0 (0.04); 0.02 is there without."""
+    wave, found = "disorder = 0.1; flow = { type = 'standing-wave'; amplitude = 0.02; wavelength = 0.5; };", []
+    omega = math.sqrt(wave_square(4 * math.pi, 9.81, (1200.0, 0.5), (800.0, 0.5)))
+    for smoothing in (1.5, 2.0):
+        done = Done(world, PRESSED.format(wave=wave.replace("'", '"'), smoothing=smoothing), period=0.01)
+        late, height = done.t > 0.1, (done.series("crest") - done.series("valley")) / 2
+
+        def swing(t, a, damping, frequency, phase):
+            return a * np.exp(-damping * t) * np.sin(frequency * t + phase)
+
+        (_, damping, *_), _ = curve_fit(swing, done.t[late], height[late], (0.02, 0.5, omega, 0.0))
+        (row,) = (row for row in interfaces(done.config, done.app.scene) if row.name.startswith("friction"))
+        found.append(told(f"wave under oil, h/dp {smoothing}: damping over frequency", damping / omega, "friction"))
+        assert found[-1] - 0.02 == pytest.approx(row.value, abs=0.04)
+    assert found[1] < 0.5 * found[0]
 
 
 def test_layers_at_rest_stay_layers(world):

@@ -1,0 +1,77 @@
+"""check tells what holds back waves on the interface of two liquids: friction of pressed particles, and a lattice."""
+
+import math
+
+import pytest
+
+import sph
+from sph.forecast.interfaces import MOST
+
+DEEP, WAVE, LIGHT, HEAVY, G = 0.5, 0.5, 800.0, 1200.0, 9.81
+PRESSED = "friction of pressed particles where lower and upper meet"
+
+
+def told(densities=(HEAVY, LIGHT), deep=DEEP, wave=WAVE, amplitude=0.02, disorder=0.1, spacing=0.025,
+         periodic=("x",), d=2, **numerics):  # fmt: skip
+    flow = {"flow": {"type": "standing-wave", "amplitude": amplitude, "wavelength": wave}} if wave else {}
+    layers = (("lower", 0.0, 0.5), ("upper", 0.5, 0.5 + deep))
+    low, high = [0.0] * (d - 1), [0.5] * (d - 1)
+    case = sph.Case(
+        simulation={"dimensions": d, "end_time": 1.0}, gravity=[0.0] * (d - 1) + [-G],
+        numerics={"spacing": spacing, **numerics},
+        domain={"low": [*low, 0.0], "high": [*high, 0.5 + deep], "periodic": list(periodic)},
+        fluid=[{"name": name, "density": density, "disorder": disorder, **flow,
+                "shape": {"box": {"low": [*low, bottom], "high": [*high, end]}}}
+               for density, (name, bottom, end) in zip(densities, layers)],
+        wall=[{"shape": {"box": {"low": [*low, 0.0], "high": [*high, 0.5 + deep]}}}],
+    )  # fmt: skip
+    return {row.name: row for row in case.check().rows if "lower" in row.name or "upper" in row.name}
+
+
+@pytest.mark.parametrize("smoothing, part", [(1.5, 0.014), (2.0, 0.0031)])
+@pytest.mark.parametrize("made", [{}, {"deep": 0.1}, {"wave": 0.25}, {"spacing": 0.0125}, {"d": 3}])
+def test_damping_is_the_share_of_the_pressure_in_the_weight_that_drives_a_wave(made, smoothing, part):
+    """45 dp / L of k p part / (g (rho1 - rho2))."""
+    row = told(**made, smoothing=smoothing)[PRESSED]
+    deep, wave = made.get("deep", DEEP), made.get("wave", WAVE)
+    expected = part * LIGHT * G * deep * 2 * math.pi / wave / (G * (HEAVY - LIGHT))
+    expected *= 45 * made.get("spacing", 0.025) / wave
+    assert row.value == pytest.approx(expected, rel=0.02)
+    assert (row.verdict == "warn") == (expected > MOST) == bool(row.cure)
+
+
+def test_growth_loses_less_and_is_cured_by_spacings_alone():
+    rows = [told(densities=(LIGHT, HEAVY), smoothing=ratio)[PRESSED] for ratio in (1.3, 1.5, 2.0)]
+    assert rows[1].value == rows[2].value < rows[0].value
+    assert rows[1].value == pytest.approx(20 / 45 * HEAVY / LIGHT * told()[PRESSED].value, rel=0.02)
+    assert "smoothing = 1.5" in rows[0].cure and "smoothing" not in rows[1].cure and "spacing = " in rows[1].cure
+
+
+def test_what_is_told_is_a_cure():
+    row = told(spacing=0.0125)[PRESSED]
+    assert row.verdict == "warn" and "smoothing = 2.0" in row.cure and 'viscosity_form = "none"' in row.cure
+    cured = told(spacing=0.0125, smoothing=2.0, viscosity_form="none")[PRESSED]
+    assert cured.verdict == "ok" and cured.value == pytest.approx(0.0031 / 0.014 * row.value)
+    spacing = float(row.cure.split("spacing = ")[1].split(",")[0])
+    assert told(spacing=spacing)[PRESSED].value == pytest.approx(MOST, rel=0.05)
+
+
+def test_without_a_wave_of_the_case_the_longest_counts_that_an_interface_has_room_for():
+    along = told(wave=0.0)[PRESSED].value
+    assert along == pytest.approx(told(wave=0.5)[PRESSED].value)
+    assert told(wave=0.0, periodic=())[PRESSED].value == pytest.approx(along / 4, rel=0.02)
+
+
+def test_liquids_of_one_density_have_no_such_waves():
+    assert PRESSED not in told(densities=(HEAVY, HEAVY))
+
+
+@pytest.mark.parametrize("made, tells", [
+    ({"disorder": 0.0}, True),
+    ({"disorder": 0.0, "amplitude": 0.0}, False),  # it rests
+    ({"disorder": 0.0, "amplitude": 0.0, "densities": (LIGHT, HEAVY)}, True),  # it overturns
+    ({}, False),
+])  # fmt: skip
+def test_a_perfect_lattice_at_an_interface_that_moves_is_told(made, tells):
+    rows = [row for name, row in told(**made).items() if name.startswith("disorder of")]
+    assert len(rows) == 2 * tells and all(row.verdict == "warn" and row.cure == "disorder = 0.1" for row in rows)
