@@ -115,6 +115,7 @@ class Sph:
         """Accelerations of the user's own that fluids name."""
         axes, named = tuple(scene.axes), [fluid for fluid in scene.fluids if fluid.section.acceleration]
         if named:
+            self.evolution.driven.append(self.motion.clear_own)
             self.tasks.arena.set(moment=np.zeros(1), corner=np.ascontiguousarray(scene.low[list(axes)]))
         for fluid in named:
             own = accelerations.compiled(fluid.section.acceleration)

@@ -59,6 +59,7 @@ def sensible(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     yield from joints(scene)
     yield from falling(scene)
     yield from weightless(config)
+    yield from unfelt(config)
     yield from rigid_bodies(scene)
     yield from friction(config, scene)
     yield from damping(config)
@@ -272,6 +273,17 @@ def weightless(config: SphConfig) -> Iterator[Derived]:
             cure = "gravity, less which the acceleration gives" if fluid.acceleration else "gravity for body_force"
             yield Derived(f"gravity on {fluid.name}", "|g|", 0.0, "m/s2", "> 0 under a surface", "warn",
                           "the fluid starts without pressure, and rings", cure, ("gravity",))  # fmt: skip
+
+
+def unfelt(config: SphConfig) -> Iterator[Derived]:
+    """Bodies free to move in a fluid with an acceleration of the user's own, which they do not feel."""
+    driven = [fluid.name for fluid in config.fluid if fluid.acceleration]
+    ways = 3 if config.dimensions == 2 else 6
+    for i, wall in enumerate(config.wall):
+        if driven and wall.body and len(set(wall.body.held)) < ways:
+            yield Derived(f"acceleration of {wall.name}", "", 0.0, "m/s2", f"that of {driven[0]}", "warn",
+                          "gravity and the fluid move a body, which has no acceleration of its own",
+                          "held motions, or gravity for it where it is uniform", ("wall", i, "body"))  # fmt: skip
 
 
 def ways_of_fluid(config: SphConfig) -> Iterator[tuple[geometry.Point, geometry.Point]]:

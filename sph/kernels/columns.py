@@ -50,6 +50,7 @@ C = -1
 TENSION = -1
 L = -1
 T = -1
+DRIVEN = -1
 DENSITIES = False  # there are liquids of several densities
 GASES = False  # and gases
 ACCELERATED = False  # there are walls that follow the fluid and are accelerated
@@ -156,6 +157,15 @@ def pack_again(block, blocks, base, scales, liquids, flags, v, drho, m, gradient
 
 
 @njit
+def pack_own(block, blocks, base, scales, own, values):
+    """The columns `own`, accelerations of the user's own in the units of those by gravity."""
+    for l in range(blocks[block], blocks[block + 1]):
+        for b in range(np.uint64(base[l]), np.uint64(base[l + 1])):
+            for k in range(DIM):
+                values[DRIVEN + k, b] = own[k, b] * scales.of_arm
+
+
+@njit
 def pack_stress(block, blocks, base, scales, flags, drho, shear, values):
     """The columns T, stress / rho^2 (MP 22), or S = mu ((grad v)^T - I div v), 0 in walls, from the velocity gradient
     shear[DIM a + b, slot] = d v_b / d x_a; mu that of the reference liquid.
@@ -183,8 +193,8 @@ def pack_stress(block, blocks, base, scales, flags, drho, shear, values):
 
 @njit
 def unpack_walls(block, blocks, base, scales, at, flags, key, walls, x, sums, drho):
-    """rho - rho0 of particles of walls: that of the fluid before them, carried on with the acceleration of gravity less
-    that of the wall (Adami et al. 2012); never below 0, and 0 where there is no fluid.
+    """rho - rho0 of particles of walls: that of the fluid before them, carried on with its acceleration (see
+    `terms.rise`) less that of the wall (Adami et al. 2012); never below 0, and 0 where there is no fluid.
     """
     for l in range(blocks[block], blocks[block + 1]):
         for b in range(np.uint64(base[l]), np.uint64(base[l + 1])):

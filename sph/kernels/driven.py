@@ -1,5 +1,5 @@
-"""Accelerations of the user's own on particles of fluids, added to their pair sums. They are compiled by the process
-that uses them, and kept by none.
+"""Accelerations of the user's own on particles of fluids. They are compiled by the process that uses them, and kept by
+none.
 """
 
 from collections.abc import Callable
@@ -18,8 +18,8 @@ def driven_kernel(acceleration: Callable, axes: tuple[int, ...], first: int, end
     there = np.array([1.0] * d + [0.0] * (3 - d))
 
     @njit(cache=False)
-    def driven(chunk, chunks, flags, key, factors, moment, corner, x, v, m, sums):
-        """sums += m a(x, v, t) over what makes accelerations of them; moment[0] = t, corner: of the domain, m."""
+    def driven(chunk, chunks, flags, key, moment, corner, x, v, own):
+        """own = a(x, v, t); moment[0] = t, corner: of the domain, m."""
         for b in range(chunks[chunk], chunks[chunk + 1]):
             number = key[b] // CODES
             if flags[b] & MINE == MINE and first <= number < end:
@@ -27,6 +27,6 @@ def driven_kernel(acceleration: Callable, axes: tuple[int, ...], first: int, end
                 place = (x[p, b] + corner[p], x[q, b] + corner[q], there[2] * (x[r, b] + corner[r]))
                 a = of(place, (v[p, b], v[q, b], there[2] * v[r, b]), moment[0])
                 for k in range(d):
-                    sums[at[k], b] += m[b] * a[k] / factors[0]
+                    own[at[k], b] = a[k]
 
     return driven

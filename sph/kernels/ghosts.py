@@ -141,9 +141,9 @@ def wall_slopes(turn, at, speed, near, b, shown, values):
 
 @kernel
 def show(rows, codes, shift, images, shown, near, values):
-    """values[g] = x, v, drho, and gradient, shear, matrix where they are kept, of image codes[g] of the body in slot
-    rows[g], shifted by shift[g]; shear[a, b] = d v_b / d x_a; and its names, if there are columns for them. near: see
-    `wall_slopes`.
+    """values[g] = x, v, drho, and gradient, own, shear, matrix where they are kept, of image codes[g] of the body in
+    slot rows[g], shifted by shift[g]; shear[a, b] = d v_b / d x_a; and its names, if there are columns for them. near:
+    see `wall_slopes`.
     """
     numbers = values.view(np.int64)
     for g in range(rows.size):
@@ -153,10 +153,11 @@ def show(rows, codes, shift, images, shown, near, values):
             values[g, k] = turned(turn, shown.x, b, k, shift[g, k])
             values[g, DIM + k] = turned(spin, shown.v, b, k, images.push[code, k])
         values[g, 2 * DIM] = shown.drho[b]
-        if shown.gradient.shape[1] > 0:
-            for k in range(DIM):
-                values[g, column + k] = turned(turn, shown.gradient, b, k, 0.0)
-            column += DIM
+        for vector in (shown.gradient, shown.own):
+            if vector.shape[1] > 0:
+                for k in range(DIM):
+                    values[g, column + k] = turned(turn, vector, b, k, 0.0)
+                column += DIM
         if shown.shear.shape[1] > 0:
             turned_tensor(turn, spin, shown.shear, b, values[g, column:])
             mirrors, sticks = DIM - 2.0, -1.0 * DIM  # traces of one reflection, and of velocities that turn round
@@ -181,7 +182,7 @@ def take(values, rows, shown):
         for k in range(DIM):
             shown.x[k, b], shown.v[k, b] = values[g, k], values[g, DIM + k]
         shown.drho[b] = values[g, 2 * DIM]
-        for lines in (shown.gradient, shown.shear, shown.matrix):
+        for lines in (shown.gradient, shown.own, shown.shear, shown.matrix):
             if lines.shape[1] > 0:
                 for k in range(lines.shape[0]):
                     lines[k, b] = values[g, column + k]

@@ -40,6 +40,7 @@ class Shown(NamedTuple):
     v: Reals
     drho: Reals
     gradient: Reals
+    own: Reals
     shear: Reals
     matrix: Reals
     key: NDArray[np.int64]

@@ -81,6 +81,22 @@ def kick(chunk, chunks, numbers, factors, flags, external, v, m, sums):
 
 
 @njit
+def clear_own(chunk, chunks, own):
+    """Nobody has an acceleration of the user's own, until `kernels.driven` finds it."""
+    for k in range(DIM):
+        own[k, chunks[chunk] : chunks[chunk + 1]] = 0.0
+
+
+@njit
+def add_own(chunk, chunks, factors, flags, own, m, sums):
+    """Sums of forces get those by accelerations of the user's own."""
+    for b in range(chunks[chunk], chunks[chunk + 1]):
+        if flags[b] & MINE == MINE:
+            for k in range(DIM):
+                sums[k, b] += m[b] * own[k, b] / factors[0]
+
+
+@njit
 def drift(chunk, chunks, numbers, factors, at, flags, x, v, drho, sums):
     """x += dt v, rho += dt d rho / dt."""
     for b in range(chunks[chunk], chunks[chunk + 1], N):

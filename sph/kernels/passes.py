@@ -123,7 +123,7 @@ class PassText:
 
     def _tuples(self, side: str) -> list[str]:
         """Vectors and matrices of one side, of the columns that are read."""
-        names = {name for name in ("v", "g", "l", "t", "s") if self.columns >= set(self.spec.components(name))}
+        names = {name for name in ("v", "g", "l", "t", "s", "own") if self.columns >= set(self.spec.components(name))}
         return [f"{name}_{side} = {_tuple(f'{c}_{side}' for c in self.spec.components(name))}"
                 for name in sorted(names)]  # fmt: skip
 

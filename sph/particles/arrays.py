@@ -31,6 +31,7 @@ def arrays_of(spec: PairSpec, staged: bool) -> list[Array]:
         lines("shear", (d * d,), "", "velocity gradient d v_b / d x_a, in units of the pair sums"),
         lines("matrix", (d * d,), "", "renormalisation of gradients"),
         lines("wetted", (), "", "mu / mu0 of the fluid before a particle of a wall, 0 where it is dry"),
+        lines("own", (d,), "m/s2", "acceleration of the user's own of a particle of fluid"),
         lines("offset", (d,), "", "velocity of its shift over the largest velocity"),
         *_of_pairs(spec),
         *(Array(name, ("slots",), "int32", "", text, phase="sort") for name, text in SORTING.items()),

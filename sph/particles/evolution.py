@@ -46,9 +46,11 @@ class Evolution:
                 if self.sums.spec.accelerated:  # which densities of walls follow
                     axes = list(self.walls.scene.axes)
                     self.tasks.arena["wall_acceleration"][:] = self.walls.acceleration[:, axes]
-                sums(self.clock.step)
                 for kernel in self.driven:
                     self.tasks.each(kernel)
+                sums(self.clock.step)
+                if self.driven:
+                    self.tasks.each(self.motion.add_own)
                 if self.openings:
                     self.openings.hold(True, self.sums.rate)
                 if self.bodies:

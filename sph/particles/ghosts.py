@@ -29,7 +29,7 @@ class Ghosts:
         self.slots = self.sources = self.codes = np.zeros(0, np.int32)
         self.shift = np.zeros((0, storage.d))
         shown = storage.arena.value("shown")
-        kept = sum(len(lines) for lines in (shown.gradient, shown.shear, shown.matrix) if lines.size)
+        kept = sum(len(lines) for lines in (shown.gradient, shown.own, shown.shear, shown.matrix) if lines.size)
         self._columns = 2 * storage.d + 1 + kept
         self._near = np.array([NEAREST * scene.spacing, scene.c0 / scene.h])
         self._refresh = Refresh(storage.world, Channel.GHOSTS)
@@ -79,8 +79,8 @@ class Ghosts:
         return values
 
     def refresh(self, iteration: int) -> None:
-        """Send x, v, drho and, where they are kept, gradient, shear and matrix of the ghosts, as they are now.
-        Collective.
+        """Send x, v, drho and, where they are kept, gradient, own, shear and matrix of the ghosts, as they are
+        now. Collective.
         """
         if self.storage.world.size > 1 or len(self.slots):
             self._refresh.start(iteration, self._values())

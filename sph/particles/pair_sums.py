@@ -31,7 +31,7 @@ LINES = "push", "light", "volume", "excess", "mass", "slope", "c", "tension", "s
 def columns_kernels(spec: PairSpec, gamma: float) -> ModuleType:
     """The module kernels.columns as a case needs it."""
     columns = columns_of(spec)
-    first = {"NORMALS": "nx", "V": "vx", "G": "gx", "L": "lxx", "T": "txx", "S": "sxx"}
+    first = {"NORMALS": "nx", "V": "vx", "G": "gx", "L": "lxx", "T": "txx", "S": "sxx", "DRIVEN": "ownx"}
     first |= {name.upper(): name for name in LINES}
     constants: dict[str, Any] = {key: columns.index(name) if name in columns else -1 for key, name in first.items()}
     constants |= {
@@ -94,13 +94,17 @@ class PairSums:
         """Densities of walls that follow from the fluid."""
         if not self.spec.extrapolated:
             return
-        if self.spec.single or self.spec.densities or (self.spec.wetted and self.spec.viscosities):
+        spec = self.spec
+        if spec.driven:
+            self.ghosts.refresh(iteration)
+            self.tasks.each(self.columns.pack_own, blocks="layers")
+        if spec.single or spec.densities or (spec.wetted and spec.viscosities):
             self.pack()  # of places and fluid
         self._sweep("walls")
         self._unpack("walls", "walls")
-        if self.spec.wetted:
+        if spec.wetted:
             names = self._sums["walls"]
-            at = names.index("thick" if self.spec.viscosities else "weight")
+            at = names.index("thick" if spec.viscosities else "weight")
             self.tasks.each(self.columns.unpack_wetted, blocks="inner", at=at, first=names.index("weight"))
         self.ghosts.refresh(iteration)
 

@@ -14,7 +14,7 @@ NUMBERS = (
     "artificial", "viscous", "flux_strength", "gravityx", "gravityy", "gravityz", "reach", "per_w", "per_h", "eta2",
     "core", "core_reach", "density", "hundredth", "fallx", "fally", "fallz", "half_step",
 )  # fmt: skip
-VECTORS = ("v", "n", "g", "gravity", "fall", "force", "steps", "shifts", "arm", "moment1", "slope0")
+VECTORS = ("v", "n", "g", "gravity", "fall", "force", "steps", "shifts", "arm", "own", "moment1", "slope0")
 TRIANGLES = ("l", "t", "moments", "matrix", "slope1")  # symmetric matrices
 MATRICES = ("strains", "s")
 
@@ -40,6 +40,8 @@ class PairSpec:
     """Whether some of these are accelerated."""
     turning: bool = False
     """Whether some of these turn."""
+    driven: bool = False
+    """Whether fluids have accelerations of the user's own."""
     films: bool = False
     """Whether some press on each other across a film of fluid."""
     edges: bool = False
@@ -220,15 +222,14 @@ def gradient(spec: PairSpec) -> Pass:
 def extrapolation(spec: PairSpec) -> Pass:
     """Sums at particles of walls over the fluid before them: weights, density, and the way from the fluid."""
     there = terms.at_the_other_of if spec.densities else terms.at_the_other
-    lines = [Line("heavy_i, heavy_j", terms.wall_weights), Line("from_i, from_j", there)]
+    lines = [Line("rise", terms.rise_with_own)] * spec.driven
+    lines += [Line("heavy_i, heavy_j", terms.wall_weights), Line("from_i, from_j", there)]
     by = ("heavy_i", "heavy_j")
     sums = [Sum("weight", by, ("one", "one")), Sum("there", by, ("from_i", "from_j"))]
     if spec.accelerated and spec.densities:
         lines.append(Line("arm_i, arm_j", terms.arms_of))
-        sums.append(Sum("arm", ("arm_i", "arm_j"), ("d", "d")))
-    elif spec.accelerated:
-        lines.append(Line("minus_heavy", terms.opposite))
-        sums.append(Sum("arm", ("heavy_i", "minus_heavy"), ("d", "d")))
+    if spec.accelerated:
+        sums.append(Sum("arm", ("arm_i", "arm_j") if spec.densities else by, ("d", "back")))
     if spec.wetted and spec.viscosities:
         lines.append(Line("thick_i, thick_j", terms.thick))
         sums.append(Sum("thick", ("thick_i", "thick_j"), ("one", "one")))
@@ -253,11 +254,11 @@ def matrix(_: PairSpec) -> Pass:
 
 def kernel_moments(_: PairSpec) -> Pass:
     """Sums of (MP 12), but for a particle's own W, and of (MP 13), whose W' is that by x_j: - F r_ij."""
-    lines = [Line("weight_i, weight_j", terms.weights), Line("against_j", terms.opposite_weight)]
-    lines += [Line("less_i, less_j", terms.minus_volumes), Line("to_i, to_j", terms.volumes)]
+    lines = [Line("weight_i, weight_j", terms.weights), Line("less_i, less_j", terms.minus_volumes)]
+    lines.append(Line("to_i, to_j", terms.volumes))
     lines.append(Line("moments", terms.moments))
     both = ("weight_i", "weight_j")
-    sums = [Sum("moment0", both, ("one", "one")), Sum("moment1", ("weight_i", "against_j"), ("d", "d"))]
+    sums = [Sum("moment0", both, ("one", "one")), Sum("moment1", both, ("d", "back"))]
     sums += [Sum("slope0", ("less_i", "to_j"), ("d", "d")), Sum("slope1", ("less_i", "less_j"), ("moments",) * 2)]
     return Pass(lines, sums)
 
@@ -317,6 +318,7 @@ def columns_of(spec: PairSpec) -> list[str]:
         names.append("mass")  # of the reference liquid
     names += ["swift"] * spec.densities + ["fluidity"] * spec.viscosities + ["bulk"] * spec.gases
     names += ["n"] * spec.repulsive + [name for name in ("g", "slope", "c") if name in spec.flux.columns]
+    names += ["own"] * (spec.driven and spec.extrapolated)
     names += ["tension"] * spec.tensile + ["l"] * spec.corrected
     names += ["t"] * spec.viscosity.stress + ["s"] * bool(spec.viscosity.transposed)
     return [column for name in names for column in spec.components(name)]
@@ -332,7 +334,7 @@ def unused(spec: PairSpec, staged: bool) -> set[str]:
     """Columns of the bodies that a case has no need of."""
     needed = {
         "gradient": spec.needs_gradient, "shear": spec.needs_stress,
-        "matrix": spec.corrected, "offset": spec.shifting, "wetted": spec.wetted,
+        "matrix": spec.corrected, "offset": spec.shifting, "wetted": spec.wetted, "own": spec.driven,
         "x_old": staged, "v_old": staged or spec.shifting, "drho_old": staged,
     }  # fmt: skip
     return {name for name, used in needed.items() if not used}

@@ -4,8 +4,7 @@ What a formula needs are its parameters, and passes compute each need once (kern
     push_i, push_j    a column of the bodies i and j (see `pair_spec.columns_of`); vectors and matrices are tuples
     d                 x_i - x_j; r2, r its square and length; W, F of the kernel (without the factors of `Smoothing`)
     vd, near, ...     what the formula of that name gives
-    eta2, viscous     numbers of the case (see `pair_spec.NUMBERS`)
-    beyond            see `r2`
+    eta2, viscous     numbers of the case (see `pair_spec.NUMBERS`); beyond: see `r2`
 Symmetric matrices are their upper triangles, row by row. Forces are on i; j gets the opposite.
 """
 
@@ -250,23 +249,29 @@ def wall_weights(W, F, mass_i, mass_j):
     return mass_j * w, mass_i * w
 
 
-def at_the_other(excess_i, excess_j, fall, d):
-    """rho - rho0 that each side has at the place of the other, if it is at rest there: excess + fall . step, with
-    fall = rho0 / c0^2 times the acceleration by gravity and body force. Adami et al. 2012 (27).
-    """
-    rise = dot(fall, d)
+def rise(fall, d):
+    """rho - rho0 that rest adds from j to i: fall = rho0 / c0^2 times the acceleration by gravity and body force."""
+    return dot(fall, d)
+
+
+def rise_with_own(fall, own_i, own_j, d):
+    """`rise` where the fluid has an acceleration of the user's own, in the units of fall; that of walls is 0."""
+    return dot(fall, d) + dot(sum_of(own_i, own_j), d)
+
+
+def at_the_other(excess_i, excess_j, rise):
+    """rho - rho0 that each side has at the place of the other, if it is at rest there. Adami et al. 2012 (27)."""
     return excess_j + rise, excess_i - rise
 
 
-def at_the_other_of(excess_i, excess_j, swift_i, swift_j, fall, d):
+def at_the_other_of(excess_i, excess_j, swift_i, swift_j, rise):
     """`at_the_other` of several liquids, whose rho0 over that of the reference is 1 / swift^2."""
-    rise = dot(fall, d)
     return excess_j + rise / (swift_j * swift_j), excess_i - rise / (swift_i * swift_i)
 
 
 def arms_of(heavy_i, heavy_j, swift_i, swift_j):
-    """m W with the mass of the other liquid itself: of j for the sum of i, and minus that of i for the sum of j."""
-    return heavy_i / (swift_j * swift_j), -heavy_j / (swift_i * swift_i)
+    """m W with the mass of the other liquid itself: of j for the sum of i, and the other way round."""
+    return heavy_i / (swift_j * swift_j), heavy_j / (swift_i * swift_i)
 
 
 def thick(heavy_i, heavy_j, fluidity_i, fluidity_j):
@@ -280,9 +285,9 @@ def one():
     return 1.0
 
 
-def opposite(heavy_j):
-    """- m W."""
-    return -heavy_j
+def back(d):
+    """The way from i to j."""
+    return scaled(-1.0, d)
 
 
 # ---- continuity and the flux of density
@@ -397,11 +402,6 @@ def weights(W, F, volume_i, volume_j):
     """V W: of j for the sum of i, and the other way round; 0 where F is, which is masked."""
     w = select(F != 0.0, W, 0.0)
     return volume_j * w, volume_i * w
-
-
-def opposite_weight(W, F, volume_i):
-    """- V W of i, for the sum of j."""
-    return -(volume_i * select(F != 0.0, W, 0.0))
 
 
 def steps(d_rho, d):

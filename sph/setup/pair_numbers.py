@@ -74,6 +74,7 @@ def pair_spec_of(config: SphConfig, others: bool, films: bool = False) -> PairSp
             for rule, wall in zip(rules, config.wall)
         ),
         turning=any(wall.body for wall in config.wall),
+        driven=any(fluid.acceleration for fluid in config.fluid),
         films=films or any(rule.extrapolated and wall.body for rule, wall in zip(rules, config.wall)),
         edges=any(rule.has_edges(bool(wall.body), liquids) for rule, wall in zip(rules, config.wall)),
         wetted=viscous

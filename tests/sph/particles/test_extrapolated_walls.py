@@ -10,8 +10,10 @@ from sph.physics.smoothing import SMOOTHING
 SHAKEN = "motion = { amplitude = [0.02, 0.01]; period = 0.3; };"
 
 
-def expected(sph):
-    """rho - rho0 of the wall particles by (27) of Adami et al. 2012, linear in rho - rho0; and their slots."""
+def expected(sph, own=None):
+    """rho - rho0 of the wall particles by (27) of Adami et al. 2012, linear in rho - rho0; and their slots. own: a
+    further acceleration by place and velocity.
+    """
     storage, scene = sph.storage, sph.scene
     walls = np.flatnonzero(storage.flags[: storage.end] & EXTRAPOLATED)
     fluid, axes = storage.fluid_slots, list(scene.axes)
@@ -22,6 +24,9 @@ def expected(sph):
         weight = weight * storage.m[fluid]
         fall = scene.acceleration[axes] - sph.walls.acceleration[0][axes]
         there = storage.drho[fluid] + scene.rho0 / scene.c0**2 * (fall @ step)
+        if own:
+            a = own(storage.physical("x", fluid).T, storage.physical("v", fluid).T)
+            there += scene.rho0 / scene.c0**2 * np.sum(np.array(a)[axes] * step, axis=0)
         if weight.sum() > 0:
             found[k] = max(0.0, np.sum(weight * there) / weight.sum())
     return walls, found
