@@ -29,6 +29,10 @@ from sph.setup.speeds import speed_scale
 
 MOST_ALONG = 2**21  # particles along an edge, whose places are kept
 MOST_ACROSS = 2**21  # supports of the kernel across the domain: beyond, a place is not known as well as who is near
+NO_CUP = (
+    "No vessel that holds fluid can be a body: a tank moves as its wall.motion says, or is at rest in its own frame, "
+    'whose forces are a fluid.acceleration (docs/start/python.md, "An acceleration")'
+)
 Fault = tuple[Path, str]
 
 
@@ -288,7 +292,9 @@ def wall_faults(wall: Wall, d: int) -> Iterator[Fault]:
 
 def body_faults(wall: Wall, body: Body, d: int) -> Iterator[Fault]:
     if not wall.solid:
-        yield (), "only a solid can be a body: solid = true, which fills its shape; a box with open faces is hollow"
+        yield (), f"only a solid can be a body: solid = true, which fills all of its shape. {NO_CUP}"
+    elif wall.shape.box and wall.shape.box.open:
+        yield (), f"it is filled, open faces make no cup of it: leave shape.box.open out. {NO_CUP}"
     if wall.motion:
         yield (), "the wall has a motion: it moves as that says, or as a body by the forces on it"
     if wall.shape.plane:

@@ -140,7 +140,8 @@ def test_a_body_sinks_to_the_floor_and_rests_there():
     ("wall", "told"),
     [
         (body(density=0.0), "greater than 0"),
-        (body().replace("solid = true;", ""), "solid = true"),
+        (body().replace("solid = true;", ""), r"solid = true, which fills .* wall\.motion .* a fluid\.acceleration"),
+        (body(BOX.replace("; }", '; open = ["y+"]; }')), r"body: it is filled, .* no cup .* a fluid\.acceleration"),
         (body(kind='type = "repulsive";'), "extrapolated-free-slip"),
         (body(kind="motion = { velocity = [1.0, 0.0]; };"), "the wall has a motion"),
         (body(more="angular_velocity = [1.0, 2.0];"), "needs 1 in 2D"),
