@@ -70,9 +70,11 @@ class Runaway:
         """Look at the extremes of a step that is about to be done. Collective; raises Diverged."""
         walls, storage, scene = self.walls, self.storage, self.scene
         self.checksums.compare(self.clock.step)
-        wall = float(np.sqrt(np.sum(walls.velocity**2, axis=1)).max()) if walls.moving or walls.turns else 0.0
+        fast = now.speed * MIN_SOUND_RATIO > scene.c0
+        wall = walls.fastest() if fast or walls.moving else 0.0
         limit = max(scene.c0 * scene.liquids.swiftest, wall)
-        self._look_at_speed(now.speed, wall)
+        if fast:
+            self._look_at_speed(now.speed, wall)
         if scene.liquids.gases and self.clock.step % LOOK_PERIOD == 0 and not self._told_suction:
             self._look_at_suction()
         if now.speed > MAX_DRIVEN_SPEED * self.driven:
@@ -123,12 +125,12 @@ class Runaway:
         return np.where(speeds > wall, speeds, 0.0) / (self.scene.c0 * swift), storage.is_gas(slots)
 
     def _look_at_speed(self, fastest: float, wall: float) -> None:
-        """Warn once if fluid comes near the sound speed, and end the run if it is faster than that and than walls, m/s.
-        Each of several fluids has a sound speed of its own; to warn they are told apart every LOOK_PERIOD steps, to end
-        the run in each. Collective.
+        """Warn once if it is fluid that comes near the sound speed, and end the run if it is faster than that and than
+        walls, m/s; fastest: of all particles. Each of several fluids has a sound speed of its own; to warn they are
+        told apart every LOOK_PERIOD steps, to end the run in each. Collective.
         """
         c0, liquids = self.scene.c0, self.scene.liquids
-        if fastest <= wall or fastest * MIN_SOUND_RATIO <= c0:
+        if fastest <= wall:
             return
         mach = of_liquids = fastest / c0
         if liquids.densities:

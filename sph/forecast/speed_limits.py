@@ -9,6 +9,7 @@ from hpcpic.core.case.derived import Derived, judged
 from sph.case import geometry
 from sph.case.config import SphConfig
 from sph.setup import flows
+from sph.setup.rigid.rims import start_speed
 from sph.setup.scene import Scene
 from sph.setup.speeds import fastest, heights_of, pushing_speed, surfaces
 from sph.setup.tanks import depth_in_wall
@@ -25,9 +26,11 @@ def speed_limits(config: SphConfig, scene: Scene) -> Iterator[Derived]:
 
 
 def pushing_walls(config: SphConfig, scene: Scene) -> Iterator[Derived]:
-    """Walls that take fluid with them: it becomes as fast as they are. A gate that leaves it does not."""
+    """Walls and bodies that take fluid with them: it becomes as fast as they are. A gate that leaves it does not."""
     for wall in scene.walls:
         speed = pushing_speed(wall, config.simulation.end_time) if wall.moving else 0.0
+        if wall.rigid:
+            speed = start_speed(wall.section)
         if speed:
             yield judged(f"sound speed over the speed of {wall.name}", "c0/v", config.sound_speed / speed,
                          limit=f">= {LEAST_FACTOR:g}", ok=config.sound_speed >= LEAST_FACTOR * speed, legal=True,

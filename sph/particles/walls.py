@@ -13,6 +13,7 @@ from sph.particles.storage import Storage
 from sph.particles.tasks import Tasks
 from sph.setup.particle_lattices import whole_steps
 from sph.setup.rigid.edges import at_edges
+from sph.setup.rigid.rims import fastest_point
 from sph.setup.scene import AHEAD, Scene, Wall
 
 Corners = tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -81,6 +82,18 @@ class Walls:
         """The middle [d] of the box around a wall now; of a body, its centre of mass, m."""
         at = wall.rigid.centre[: self.scene.dimensions] if wall.rigid else (wall.corners[0] + wall.corners[1]) / 2
         return at + self.displacement[wall.index]
+
+    def fastest(self) -> float:
+        """Largest speed of any point of a wall now, m/s."""
+        speeds = [0.0, *np.sqrt(np.sum(self.velocity**2, axis=1)).tolist()]
+        for wall in self.scene.walls:
+            if wall.rigid:  # in the frame of the body, where its shape is that of t = 0
+                turn, d = np.eye(3), self.scene.dimensions
+                turn[:d, :d] = self.turns[wall.index][1]
+                velocity = np.pad(self.velocity[wall.index], (0, 3 - d))
+                moves = product(velocity, turn), product(self.spin[wall.index], turn)
+                speeds.append(fastest_point(wall.section.shape, wall.rigid.centre, *moves))
+        return max(speeds)
 
     def take_back(self, storage: Storage) -> None:
         """Put the particles of planes that slide along themselves back by whole spacings, where others have been."""

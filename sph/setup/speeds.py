@@ -13,21 +13,22 @@ from sph.case.motions import Motion
 from sph.case.openings import Inlet
 from sph.physics.stability import physical_viscosity
 from sph.setup import flows
+from sph.setup.rigid.rims import start_speed
 from sph.setup.tanks import slides
 
 PEAKS = {"uniform": 1.0, "parabolic": 1.5}  # largest velocity of a profile over the mean one
 
 
 def speed_scale(config: SphConfig) -> float:
-    """sqrt(2 g H) of the height H along gravity of liquids and of bodies above them, what moves at t = 0, what flows
-    in, and walls that swing, m/s: these push fluid, as others, such as a gate, need not. Without gravity all walls
-    that move: nothing else may move fluid there.
+    """sqrt(2 g H) of the height H along gravity of liquids and of bodies above them, what moves or turns at t = 0, what
+    flows in, and walls that swing, m/s: these push fluid, as others, such as a gate, need not. Without gravity all
+    walls that move: nothing else may move fluid there.
     """
     g = math.hypot(*config.gravity)
     speeds = [geometry.length(fluid.velocity) + flows.speed(config, fluid) for fluid in config.fluid]
     speeds += [motion_speed(wall.motion) for wall in config.wall
                if wall.motion and (any(wall.motion.amplitude) or not g)]  # fmt: skip
-    speeds += [geometry.length(wall.body.velocity) for wall in config.wall if wall.body]
+    speeds += [start_speed(wall) for wall in config.wall if wall.body]
     speeds += [fastest(config, inlet) for inlet in config.inlet]
     if g:
         heights = [height for fluid in config.fluid if not fluid.gas for height in heights_of(config, fluid)]

@@ -1,10 +1,12 @@
 """Rigid bodies: what moves them is what they do to the fluid."""
 
+import math
+
 import numpy as np
 import pytest
 from sph_scenes import config, engine, jitter, layers, tank, text
 
-from hpcpic.core.errors import ConfigError
+from hpcpic.core.errors import ConfigError, Diverged
 from sph.forecast.derived import derived
 from sph.kernels.marks import MINE, OWN, WALL_SHIFT
 from sph.setup.rigid.mass import angle_of, rigid_of, rotation, times, turning
@@ -124,6 +126,35 @@ def test_a_rotor_whose_motions_are_held_turns_at_its_speed_and_drives_the_fluid(
     assert (seen["velocity_raft_x"], seen["velocity_raft_y"], seen["spin_raft_z"]) == (0.0, 0.0, 3.0)
     assert seen["angle_raft_z"] == pytest.approx(3.0 * sph.time) and seen["position_raft_x"] == pytest.approx(0.5)
     assert abs(seen["torque_raft_z"]) > 0.0
+
+
+def test_the_speed_of_sound_knows_how_fast_a_rotor_goes():
+    """Its tips, 0.2236 m off, and those of one on a hinge, 0.4123 m off; or what a ball that spins has besides."""
+    turning = text(fill=1.0, gravity=(0.0, 0.0), more="").replace("eos = { sound_speed = 20.0;", "eos = {")
+    for more, shape, speed in (('held = ["x", "y", "rz"];', BOX, 8.0 * math.hypot(0.2, 0.1)),
+                               ("hinge = { point = [0.3, 0.5]; };", BOX, 8.0 * math.hypot(0.4, 0.1)),
+                               ("velocity = [3.0, 0.0];", "sphere = { centre = [0.5, 0.5]; radius = 0.2; };", 4.6)):
+        case = config(turning + bodies(body(shape, more=f"angular_velocity = [8.0]; {more}")))
+        found = {number.name: number for number in derived(case)}
+        assert case.sound_speed == pytest.approx(10 * speed) and case.eos.max_velocity == pytest.approx(speed)
+        assert found["sound speed over the speed of raft"].value == pytest.approx(10.0)
+    slow = turning.replace("eos = {", "eos = { sound_speed = 20.0;")
+    found = {number.name: number for number in derived(config(slow + bodies(body(more="angular_velocity = [40.0];"))))}
+    assert found["sound speed over the speed of raft"].verdict == "warn"
+
+
+def test_a_rotor_that_is_faster_than_sound_is_not_taken_for_fluid(caplog):
+    """Fluid that is faster than both is told."""
+    rotor = body(more='angular_velocity = [100.0]; held = ["x", "y", "rz"];')
+    sph = engine(spacing=0.05, fill=1.0, more=bodies(rotor), sound=15.0)  # its outermost particles go at 19 m/s
+    sph.step()
+    assert "fluid at" not in caplog.text
+    slot = sph.storage.fluid_slots[7]
+    number = sph.storage.number(slot)
+    sph.storage.v[0, slot] = 30.0
+    sph.sort()
+    with pytest.raises(Diverged, match=f"particle {number} at .* is faster than sound"):
+        sph.step()
 
 
 def test_a_body_sinks_to_the_floor_and_rests_there():
