@@ -37,13 +37,8 @@ class SeriesSums:
         self.scene, self.world, self.mesh, self.cloud = scene, world, mesh, cloud
         self.moments = cloud.spec.moments
         self.n_species, v = len(scene.species), scene.velocity_components
-        kick = np.zeros((self.n_species, 3))
-        for row, species in zip(kick, scene.species):
-            row[:v] = species.half_kick
-        kick[:, : scene.dimensions] /= field_scale
-        kick[:, scene.dimensions :] *= np.array(scene.config.field.electric)[scene.dimensions :]
         ratio = scene.sides
-        cloud.arena.set(half_kick=kick.astype(cloud.spec.dtype), ratio_sq=ratio**2)
+        cloud.arena.set(half_kick=scene.half_kicks(field_scale).astype(cloud.spec.dtype), ratio_sq=ratio**2)
         self.particle_tasks = cloud.bind_moments()
         self.speed = 1.0  # power of two above |v| in cells per step
         self.largest_square = exact.power_of_two_above(float((ratio**2).sum()))  # |v|^2 of v = (1, 1, 1)

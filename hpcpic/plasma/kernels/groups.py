@@ -81,7 +81,7 @@ class ScratchArrays(NamedTuple):
 class NodeSumArrays(NamedTuple):
     """What kernels.moments.node_moments adds up: of the species sampled[0], of which a particle counts whole[0] parts.
 
-    node_half_kick[species, 3]: half the electric impulse; half_turn[species, 3, 3]: the rotation of half a step less
+    node_half_kick[species, 9]: see Scene.half_kicks; half_turn[species, 3, 3]: the rotation of half a step less
     the identity; side[3]: sides of a cell in that along x; per_scale[moment]: parts of a value of 1; fastest[block]:
     the largest component of a velocity that was met, in cells along x per step.
     """
@@ -116,7 +116,7 @@ class RecordArrays(NamedTuple):
 class SumArrays(NamedTuple):
     """What a sample of the series adds up: limbs[block, species, moment, 3], and of each moment its inverse scale.
 
-    half_kick[species, 3]: half the electric impulse; ratio_sq[3]: squared sides of a cell, in that along x.
+    half_kick[species, 9]: see Scene.half_kicks; ratio_sq[3]: squared sides of a cell, in that along x.
     values[block, moment, PAGE]: scratch of single particles; bits[block, moment, 2, 8]: of vectors. places[block,
     species, axis, 2]: sums of x - v / 2, in cells and in 2^-40 of a cell.
     """

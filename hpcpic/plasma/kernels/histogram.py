@@ -10,7 +10,7 @@ from hpcpic.core.simd.vector import Vec, convert, floor, fma, lane_numbers, mini
 from hpcpic.plasma.kernels.cell_lines import add_whole, opaque
 from hpcpic.plasma.kernels.lanes import address, inlined, kernel
 from hpcpic.plasma.kernels.linear import spread_field
-from hpcpic.plasma.kernels.moments_simd import HALVES, centred, half
+from hpcpic.plasma.kernels.moments_simd import HALVES, centred, half, kick_of
 from hpcpic.plasma.kernels.push import PACK_BYTES, PAGE_BYTES, find_lines, park
 from hpcpic.plasma.kernels.simd_base import E8, F, position_at
 from hpcpic.plasma.kernels.storage import LANES, PAGE
@@ -53,8 +53,8 @@ def count_particles(block, first, last, grid, field, pages, scratch, moment_sums
     """
     counts, kind, w = histogram.counts[block], histogram.species[0], histogram.weights
     base = address(pages.pool)
-    to_lines, to_cells, m = address(scratch.lines[block]), address(scratch.cells[block]), moment_sums.half_kick[kind]
-    kick, bins = (m[0], m[1], m[2]), (histogram.bins[0], histogram.bins[1])
+    to_lines, to_cells = address(scratch.lines[block]), address(scratch.cells[block])
+    kick, bins = kick_of(moment_sums.half_kick, kind), (histogram.bins[0], histogram.bins[1])
     weights = ((w[0, 0], w[0, 1], w[0, 2], w[0, 3], w[0, 4], w[0, 5], w[0, 6]),
                (w[1, 0], w[1, 1], w[1, 2], w[1, 3], w[1, 4], w[1, 5], w[1, 6]))  # fmt: skip
     counts[:] = 0

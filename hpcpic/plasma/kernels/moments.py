@@ -12,10 +12,12 @@ from hpcpic.plasma.kernels.lanes import inlined, kernel
 from hpcpic.plasma.kernels.mesh import bounded
 from hpcpic.plasma.kernels.storage import LANES, PAGE, place_of
 from hpcpic.plasma.kernels.weights import anchor_in, deposit, gather
+from hpcpic.plasma.physics.boris import EXACT_ABOUT_ANY, impulse_along
 from hpcpic.plasma.sizes import PLACE_BITS
 
 DIM = 2  # axes of the grid
 VELOCITIES = 2  # components
+ROTATION = 0  # kind of rotation, see physics.boris
 REAL = np.float64  # precision of the arithmetic
 MOMENTS = 3  # values that `integrands` gives
 CELL_PARTS, LAST_PART = 2.0**PLACE_BITS, 2**PLACE_BITS - 1
@@ -31,17 +33,25 @@ def integrands(vx, vy, vz, square):
 @inlined
 def centred_velocity(x, v, where, field, half_kick):
     """v- of a particle at x in cells from an anchor: v^(n-1/2) with half the electric impulse; `where` see gather."""
-    vx = np.float64(fma(REAL(half_kick[0]), gather(field, 0, where, x), REAL(v[0])))
-    vy = vz = 0.0
+    ex = gather(field, 0, where, x)
+    ey, ez = ex, ex
+    vx = fma(REAL(half_kick[0]), ex, REAL(v[0]))
+    vy = vz = REAL(0)
     if DIM > 1:
-        vy = np.float64(fma(REAL(half_kick[1]), gather(field, 1, where, x), REAL(v[1])))
+        ey = gather(field, 1, where, x)
+        vy = fma(REAL(half_kick[1]), ey, REAL(v[1]))
     elif VELOCITIES > 1:
-        vy = np.float64(v[1] + half_kick[1])
+        vy = REAL(v[1] + half_kick[1])
     if DIM == 3:
-        vz = np.float64(fma(REAL(half_kick[2]), gather(field, 2, where, x), REAL(v[2])))
+        ez = gather(field, 2, where, x)
+        vz = fma(REAL(half_kick[2]), ez, REAL(v[2]))
     elif VELOCITIES > 2:
-        vz = np.float64(v[2] + half_kick[2])
-    return vx, vy, vz
+        vz = REAL(v[2] + half_kick[2])
+    if ROTATION == EXACT_ABOUT_ANY:
+        m = half_kick
+        along = impulse_along(ex, ey, ez, REAL(m[3]), REAL(m[4]), REAL(m[5]), DIM)
+        vx, vy, vz = fma(REAL(m[6]), along, vx), fma(REAL(m[7]), along, vy), fma(REAL(m[8]), along, vz)
+    return np.float64(vx), np.float64(vy), np.float64(vz)
 
 
 @inlined

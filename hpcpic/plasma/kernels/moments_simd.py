@@ -29,9 +29,11 @@ from hpcpic.plasma.kernels.moments import MOMENTS, SAMPLE_LIMBS, add_place, inte
 from hpcpic.plasma.kernels.push import PACK_BYTES, PAGE_BYTES, find_lines, park, place_in_cell
 from hpcpic.plasma.kernels.simd_base import E8, MAGIC_BITS, F, I, position_at
 from hpcpic.plasma.kernels.storage import LANES, PAGE
+from hpcpic.plasma.physics.boris import EXACT_ABOUT_ANY, impulse_along
 
 DIM = 2  # axes of the grid
 VELOCITIES = 2  # components
+ROTATION = 0  # kind of rotation, see physics.boris
 
 WORDS = Vec(8, np.int64)
 HIGH, MIDDLE = 1.5 * 2.0**21, 1.5 * 2.0**-11  # with 2^-31 and 2^-63 as last bits
@@ -77,7 +79,17 @@ def centred(at, n, lines, cells, m):
         vz = fma(m[2], ez, load_at(F, at + 64 * 5, 64))
     elif VELOCITIES > 2:
         vz = select(lane_numbers(I) < n, load_at(F, at + 64 * (DIM + 2), 64) + m[2], 0)
+    if ROTATION == EXACT_ABOUT_ANY:
+        along = select(lane_numbers(I) < n, impulse_along(ex, ey, ez, m[3], m[4], m[5], DIM), 0)
+        vx, vy, vz = fma(m[6], along, vx), fma(m[7], along, vy), fma(m[8], along, vz)
     return vx, vy, vz
+
+
+@inlined
+def kick_of(kicks, kind):
+    """The row of a species in half_kick (Scene.half_kicks), as numbers."""
+    m = kicks[kind]
+    return m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8]
 
 
 @inlined
@@ -100,7 +112,7 @@ def moments(block, first, last, grid, field, pages, scratch, moment_sums):
         spread_field(part, grid, field, to_lines)
         for slot in range(part * grid.n_species, (part + 1) * grid.n_species):
             kind = slot % grid.n_species
-            m = (half_kick[kind, 0], half_kick[kind, 1], half_kick[kind, 2])
+            m = kick_of(half_kick, kind)
             page, used, n = np.int64(pages.head[slot]), (pages.count[slot] - 1) % PAGE + 1, 0
             bits[:] = 0
             if page >= 0:

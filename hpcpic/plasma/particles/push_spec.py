@@ -51,15 +51,13 @@ class PushSpec:
         dtype = np.dtype(self.dtype)
         vectors = () if plain else ("simd_base", *self.shape.vector_kernels, "push", "moments_simd", "histogram")
         stems = (*PLAIN, *vectors)
-        return self._module(stems, dtype, self.moments, ROTATION=self.rotation)
+        return self._module(stems, dtype, self.moments)
 
     def node_moments(self, moments: tuple[Moment, ...]) -> Any:
         """The kernel that sums moments of a species on the nodes, in double precision."""
         return self._module(PLAIN, np.dtype(np.float64), moments).node_moments
 
-    def _module(
-        self, stems: tuple[str, ...], real: np.dtype, moments: tuple[Moment, ...], **constants: int
-    ) -> ModuleType:
+    def _module(self, stems: tuple[str, ...], real: np.dtype, moments: tuple[Moment, ...]) -> ModuleType:
         """Kernels that calculate in `real`, whatever the precision of the particles."""
         return specialise(
             "hpcpic.plasma.kernels",
@@ -73,7 +71,7 @@ class PushSpec:
             REAL=f"np.{real.name}",
             LANES=64 // np.dtype(self.dtype).itemsize,
             MOMENTS=values_of(moments, self.velocities),
-            **constants,
+            ROTATION=self.rotation,
         )
 
 

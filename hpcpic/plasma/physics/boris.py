@@ -24,6 +24,15 @@ def sheared(p: Any, q: Any, t: Any, s: Any) -> Any:
     return fma(t, q, p), q
 
 
+def impulse_along(ex: Any, ey: Any, ez: Any, x: Any, y: Any, z: Any, dimensions: int) -> Any:
+    """The part along B of an electric impulse: x, y and z are its parts by E along axes with a grid, and those of the
+    uniform field along others.
+    """
+    along = x * ex
+    along = fma(y, ey, along) if dimensions > 1 else along + y
+    return fma(z, ez, along) if dimensions == 3 else along + z
+
+
 def boris(
     vx: Any, vy: Any, vz: Any, ex: Any, ey: Any, ez: Any, m: Any, dimensions: int, rotation: int
 ) -> Any:  # fmt: skip
@@ -47,9 +56,7 @@ def boris(
     uy = fma(m[1], ey, uy) if dimensions > 1 else uy + m[2]
     uz = fma(m[3], ez, uz) if dimensions == 3 else uz + m[3]
     if rotation == EXACT_ABOUT_ANY:
-        along = m[10] * ex
-        along = fma(m[11], ey, along) if dimensions > 1 else along + m[11]
-        along = fma(m[12], ez, along) if dimensions == 3 else along + m[12]
+        along = impulse_along(ex, ey, ez, m[10], m[11], m[12], dimensions)
         ux, uy, uz = fma(m[13], along, ux), fma(m[14], along, uy), fma(m[15], along, uz)
     return ux, uy, uz
 

@@ -82,6 +82,18 @@ class Scene:
                 row[4:10] = shears(t, s, side)
         return rows
 
+    def half_kicks(self, field_scale: float) -> NDArray[np.float64]:
+        """kicks[species, 9]: by what kernels make v- of v^(n-1/2), the impulse that the mover gives before the turn.
+
+        Three impulses along x, y and z and then, as numbers 10 to 15 of `mover`, what corrects these along B: half of
+        that, as it is there for both impulses of a step.
+        """
+        mover = self.mover(field_scale)
+        kicks = mover[:, [0, 1 if self.dimensions > 1 else 2, 3, *range(10, 16)]]
+        kicks[:, :3] *= 1.0 if case.rotation(self.config) else 0.5  # without a turn the mover gives both at once
+        kicks[:, 6:] *= 0.5
+        return np.ascontiguousarray(kicks)
+
 
 @dataclass(frozen=True, slots=True)
 class SceneSpecies:

@@ -28,6 +28,7 @@ LAWS = {
     "2D": (),
     "2D, B along z": ("field.magnetic=[0.0, 0.0, 0.5]", "field.electric=[0.1, 0.2, 0.0]"),
     "2D, any B": ("field.magnetic=[0.1, 0.2, 0.5]", "field.electric=[0.1, 0.2, 0.3]"),
+    "2D, exact": ("field.magnetic=[0.1, 0.2, 5.0]", "field.electric=[0.1, 0.2, 0.3]", "numerics.exact_phase=true"),
     "1D": FLAT,
     "1D, any B": (*FLAT, "field.magnetic=[0.1, 0.2, 0.5]", "field.electric=[0.1, 0.2, 0.3]"),
 }
@@ -36,7 +37,7 @@ LAWS = {
 plasma_of = partial(advanced, CASE)
 
 
-BY_DEFAULT = [("2D", "single"), ("2D, any B", "double"), ("1D", "double")]
+BY_DEFAULT = [("2D", "single"), ("2D, any B", "double"), ("2D, exact", "double"), ("1D", "double")]
 BOTH = [
     pytest.param(law, way, marks=[] if (law, way) in BY_DEFAULT else pytest.mark.validation)
     for law in LAWS
