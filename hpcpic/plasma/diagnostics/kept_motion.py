@@ -7,7 +7,8 @@ velocities before and after the step, and these are (x^(n+1) - x^(n-1)) / dt tog
     P = sum m v^(n-1/2)  changes by  sum (2 m / dt) (X x t),  X the way of (x^n + x^(n-1)) / 2,
 
 over any number of steps, to rounding. Along B nothing turns it: P stays, and sum m X is P times the time. With
-exact_phase impulses across B are multiplied by a factor of each species, and add up to nothing where it is one factor.
+exact_phase impulses across B are multiplied by a factor of each species, and add up to nothing where it is one factor;
+a uniform field then pushes not quite along itself, but where it lies along or across B.
 """
 
 from __future__ import annotations
@@ -98,11 +99,13 @@ def laws(scene: Scene) -> list[Law]:
     b = np.array(config.field.magnetic)
     t = np.array([species.rotation[0] for species in scene.species]).reshape(-1, 3)
     tried = [*np.eye(3)[: scene.velocity_components], b, b * (1.0, 1.0, 0.0)]
-    alike = len({species.impulse_across(1.0) for species in scene.species if species.q}) < 2
+    factors = {species.impulse_across(1.0) for species in scene.species if species.q}
+    alike, uneven = len(factors) < 2, bool(factors - {1.0})
     for along in (vector / np.linalg.norm(vector) for vector in tried if vector.any()):
         turned = 2.0 * np.cross(t, along)
         turned[np.abs(turned) < PARALLEL * np.abs(t).max(initial=0.0)] = 0.0
-        if turned[:, d:].any() or np.dot(config.field.electric, along) or not (alike or not turned.any()):
+        pushed = np.dot(config.field.electric, along) or uneven and np.dot(config.field.electric, b) * np.dot(b, along)
+        if turned[:, d:].any() or pushed or not (alike or not turned.any()):
             continue
         if not any(np.allclose(along, law.along) for law in found):
             found.append(Law(along, turned[:, :d], not turned.any() and not along[d:].any()))

@@ -306,6 +306,16 @@ def test_forces_across_b_add_up_to_nothing_only_where_impulses_are_multiplied_al
         assert [law.along.tolist() for law in laws(scene_of(*sets, *more))] == kept
 
 
+@pytest.mark.parametrize("electric, exact, kept", [
+    ([1, 0, 0], "false", [[0, 0, 1]]), ([1, 0, 0], "true", []),
+    ([0, 1, 0], "true", [[1, 0, 0], [0, 0, 1], [0.6, 0, 0.8]]),
+])  # fmt: skip
+def test_a_field_oblique_to_b_pushes_along_other_axes_too_with_an_exact_phase(electric, exact, kept):
+    """Its impulse is f E + (1 - f) (E.b) b, b = B/|B|: along z too where E lies along x and B between these."""
+    scene = scene_of("field.magnetic=[6, 0, 8]", f"field.electric={electric}", f"numerics.exact_phase={exact}")
+    assert [law.along.tolist() for law in laws(scene)] == kept
+
+
 def test_half_kick_turns_volts_per_metre_into_cells_per_step():
     species = scene_of().species[0]
     # dv = (q/m) E dt/2, in cells per step: times dt/dx
