@@ -28,7 +28,8 @@ MODES = 8
 class SpeciesSample:
     """One species at t = n dt: mass m kg and charge q C of a macro-particle, their number n, sums of moments.
 
-    sample[moment]: in powers of m/s, a number or the three components of a vector, at the time of the positions.
+    sample[moment]: in powers of m/s, a number or the three components of a vector, at the time of the positions. In a
+    magnetic field numbers are of v-, VELOCITY of the mean of the velocities half a step before and after.
     """
 
     m: float

@@ -43,7 +43,7 @@ class SeriesSums:
         self.speed = 1.0  # power of two above |v| in cells per step
         self.largest_square = exact.power_of_two_above(float((ratio**2).sum()))  # |v|^2 of v = (1, 1, 1)
         self.side = np.array((*scene.spacing, scene.spacing[0], scene.spacing[0])[:v])
-        self.half_turns = [species.half_turn for species in scene.species]
+        self.turns = [(species.mean_turn, species.half_turn) for species in scene.species]
         self._bind_nodes()
         self._lay_out()
 
@@ -165,9 +165,9 @@ class SeriesSums:
         """All columns of the series at the present time. Collective."""
         too_fast, counts, limbs, energy, columns = self._all()
         scales, species, self.momentum = self._scales(), [], np.zeros(3)
-        for one, count, rows, half_turn in zip(self.scene.species, counts.tolist(), limbs.tolist(), self.half_turns):
+        for one, count, rows, turns in zip(self.scene.species, counts.tolist(), limbs.tolist(), self.turns):
             values = [exact.value(row, scale) for row, scale in zip(rows, scales)]
-            sums = self._moments_of(values, half_turn, math.nan if too_fast else 1.0, one.m)
+            sums = self._moments_of(values, turns, math.nan if too_fast else 1.0, one.m)
             species.append(SpeciesSample(one.m, one.q, count, sums))
         field = math.nan
         if self.levels[0] < TOP:
@@ -176,10 +176,13 @@ class SeriesSums:
         return {scalar.name: scalar.value(sample) for scalar in scalars.columns(self.scene.dimensions)}
 
     def _moments_of(
-        self, values: list[float], half_turn: NDArray, valid: float, mass: float
+        self, values: list[float], turns: tuple[NDArray, NDArray], valid: float, mass: float
     ) -> dict[Moment, float | NDArray]:
-        """Moments of a species in powers of m/s, of v^n: v- is turned by half the angle. `valid` is 1, or nan. Adds to
-        the momentum of v- that of this species, of particles of a mass.
+        """Moments of a species in powers of m/s. `valid` is 1, or nan. Adds to the momentum of v- that of this species,
+        of particles of a mass.
+
+        A vector that is linear in v is that of (v^(n-1/2) + v^(n+1/2)) / 2, with which particles move: a drift is exact.
+        Others are turned by half the angle of a step, with the length that v- gives them.
         """
         found: dict[Moment, float | NDArray] = {}
         rest, dt = values, self.scene.time_step
@@ -190,7 +193,7 @@ class SeriesSums:
             if moment.vector:
                 v = np.zeros(3)
                 v[:size] = np.array(here) * self.side / dt
-                found[moment] = unit * (v + half_turn @ v)
+                found[moment] = unit * (v + turns[moment.power > 1] @ v)
                 if moment is VELOCITY:
                     self.momentum += mass * unit * v
             else:

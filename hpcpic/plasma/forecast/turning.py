@@ -32,6 +32,16 @@ def larger_orbit(step: float, exact: bool) -> float:
     return 0.5 * step / math.sin(0.5 * step) if exact else math.hypot(1.0, 0.5 * step)
 
 
+def of_output(half: float) -> str:
+    """What output tells of motions across B where that is off by 1 % or more, by the cosine of half the angle that a
+    step turns: see docs/theory/plasma.md.
+    """
+    if half * half * WIDER > 1.0:
+        return ""
+    told = f"; output tells momenta of a gyration {half:.4g} times, u_NAME of a drift {1 / half:.4g} times"
+    return f"{told} and its energy {1 / half**2:.4g} times as large"
+
+
 def stronger_across(config: PlasmaConfig) -> float:
     """By what exact_phase multiplies the squared plasma frequency of waves across B that the step must resolve; 1
     where it is off, where B lies along all axes that have a field, and where a step is half a turn or more.
@@ -67,8 +77,10 @@ def turning(config: PlasmaConfig, step: float) -> Derived:
         cure += ", or numerics.exact_phase = false"
     elif step < math.pi and resolved_when_exact(config):
         cure += ", or numerics.exact_phase = true"
-    if 0 < step < most and (larger := larger_orbit(step, exact)) > WIDER:
-        source += f"; the radii of orbits are {larger:.4g} times the true ones"
+    if 0 < step < most:
+        if (larger := larger_orbit(step, exact)) > WIDER:
+            source += f"; the radii of orbits are {larger:.4g} times the true ones"
+        source += of_output(math.cos(0.5 * step if exact else math.atan(0.5 * step)))
     return judged(
         "turn per step", "wc dt", step, unit="rad", limit=limit, ok=step <= good, legal=step < most, source=source,
         cure=cure, key=("simulation", "time_step"),

@@ -161,6 +161,11 @@ class SceneSpecies:
         """A[3, 3] with v^n = v- + A v-: the rotation by half the angle of a step, less the identity."""
         return turn(*part_of_turn(self.rotation[0], 0.5))
 
+    @property
+    def mean_turn(self) -> NDArray[np.float64]:
+        """M[3, 3] with (v^(n-1/2) + v^(n+1/2)) / 2 = (v- + v+) / 2 = v- + M v-."""
+        return turn(*self.rotation) / 2
+
     def before_turn(self, steps: float) -> NDArray[np.float64]:
         """M[3, 3]: v + M a dt, turned by the mover for so many steps, has had half of a dt before the turn and half
         after it, across B by as much more as the electric impulse; 0 where `mover` does nothing.

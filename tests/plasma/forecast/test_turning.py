@@ -35,6 +35,25 @@ def test_an_exact_phase_is_a_cure_only_where_the_step_resolves_waves_across_the_
         assert numbers([*along, "species[0].plasma_frequency=0.49"], WAVES)[0]["wp dt"].value == pytest.approx(0.49)
 
 
+@pytest.mark.parametrize("step, exact", [(0.19, False), (0.25, False), (1.0, False), (0.19, True), (1.0, True)])
+def test_what_output_makes_of_gyrations_and_drifts_is_told_from_a_percent_on(world, step, exact):
+    """The momentum of a gyration, and u_NAME of a drift along x in E along y, over the true ones."""
+    sets = [f"simulation.time_step={step}", f"numerics.exact_phase={str(exact).lower()}", 'output.fields=["u"]']
+    told = re.search(r"gyration (\S+) times, u_NAME of a drift (\S+) times", numbers(sets, GYRATION)[0]["wc dt"].source)
+    ratios = []
+    for electric in (0.0, 0.1):
+        config = configure(loads(GYRATION, sets=[*sets, f"field.electric=[0.0, {electric}, 0.0]"]))
+        with running(world, "hpcpic", config) as app:
+            values, mass = app.scalars(), app.scene.species[0].m
+            momentum = np.hypot(values["momentum_x"], values["momentum_y"])
+            ratios.append((momentum / mass / 0.1, np.abs(app.fields()["u_p"].values[..., 0]).max() / 0.1))
+    gyration, drift = ratios[0][0], ratios[1][1]
+    assert bool(told) == (gyration**2 < 1 / 1.01)
+    if told:
+        assert float(told[1]) == pytest.approx(gyration, rel=1e-3)
+        assert not exact or float(told[2]) == pytest.approx(drift, rel=1e-3)  # else the start leaves a gyration
+
+
 @pytest.mark.parametrize("step, exact", [(0.25, False), (0.3, False), (20.0, False), (0.4, True), (3.0, True)])
 def test_how_much_too_large_orbits_are_is_what_a_run_shows(world, step, exact):
     """The circle through three positions, of radius v/wc = 0.1 m in nature; told from 1 % on."""
