@@ -198,7 +198,7 @@ class Plasma:
             if self._gauges:
                 values |= self._gauges.values(self._fields({gauge.what for gauge in self.scene.config.gauge}))
         self._energy.see(values["energy_total"], self.time, self.iteration)
-        motion = Motion(self.iteration, self.sums.places, self.sums.momentum)
+        motion = Motion(self.iteration, self.sums.places, self.sums.momentum_before_turn)
         self.kept_motion.see(motion, values["energy_kinetic"] + abs(values["energy_field"]))
         return values
 

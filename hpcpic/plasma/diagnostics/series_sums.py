@@ -79,40 +79,50 @@ class SeriesSums:
             ]
 
     def _lay_out(self) -> None:
-        """The words of a sample in one line, which one reduction sums over the ranks."""
-        shape, places = self.cloud.arena["limbs"].shape[1:], 3 * self.n_species * self.scene.dimensions
-        ends = np.cumsum([5, shape[0], math.prod(shape), exact.LIMBS, self.width, places]).tolist()
-        self.words = np.zeros(ends[-1], np.int64)
-        self.parts = [slice(a, b) for a, b in itertools.pairwise([0, *ends])]
+        """The whole numbers of a sample in one line, which one reduction sums over the ranks: `shapes` of its parts."""
+        of_particles, axes = self.cloud.arena["limbs"].shape[1:], self.scene.dimensions
+        self.shapes = {
+            "too_fast": (1,),  # ranks with a particle beyond `speed`
+            "above": (2,),  # ranks whose greatest term of the field energy, and of E_x, is above the known level
+            "at": (2,),  # ranks where it is at that level
+            "counts": of_particles[:1],
+            "limbs": of_particles,
+            "energy": (exact.LIMBS,),
+            "columns": (self.width,),
+            "places": (self.n_species, axes, 3),  # cells, parts of a cell and crossings of the box
+        }
+        self.words = np.zeros(sum(map(math.prod, self.shapes.values())), np.int64)
+
+    def _parts(self, words: NDArray[np.int64]) -> dict[str, NDArray[np.int64]]:
+        """Views of the parts of a line of words."""
+        ends = list(itertools.accumulate(map(math.prod, self.shapes.values())))
+        pieces = np.split(words, ends[:-1])
+        return {name: piece.reshape(shape) for (name, shape), piece in zip(self.shapes.items(), pieces)}
 
     def _local(self) -> list[int]:
-        """Levels [2] of this rank's terms. Fills the words: flags (too fast; above and at the levels, two each),
-        counts, limbs of particles, limbs of the field energy, columns, places and crossings.
-        """
-        cloud, too_fast = self.cloud, False
-        limbs_of_blocks = cloud.arena["limbs"]
-        limbs_of_blocks[:] = cloud.arena["places"][:] = 0
+        """Levels [2] of this rank's terms. Fills the words (see `_lay_out`)."""
+        cloud, mine = self.cloud, self._parts(self.words)
+        cloud.arena["limbs"][:] = cloud.arena["places"][:] = 0
         cloud.arena["inv_scale"][:] = [1 / scale for scale in self._scales()]
         self.per_scale[:] = [math.ldexp(1.0, -4 * level) for level in self.levels]
         self.per_scale[1] *= 2.0 ** (61 - int(self.rows).bit_length())
         cloud.pool.each(self.node_tasks)
+        mine["too_fast"][:] = False
         try:
             cloud.each(self.particle_tasks)
         except TaskError as error:
             if error.code != exact.NOT_BOUNDED:
                 raise
-            too_fast = True
+            mine["too_fast"][:] = True
         levels = [_level(most) for most in self.most.max(axis=0).tolist()]
-        flags, counts, limbs, energy, columns, places = (self.words[part] for part in self.parts)
-        here = list(zip(levels, self.levels))
-        flags[:] = [too_fast, *(own > known for own, known in here), *(own == known for own, known in here)]
-        counts[:] = self._counts()
-        np.sum(limbs_of_blocks, axis=0, out=limbs.reshape(limbs_of_blocks.shape[1:]))
-        np.sum(self.energy, axis=0, out=energy)
-        np.sum(self.columns, axis=0, out=columns[self.own])
-        rows = places.reshape(self.n_species, self.scene.dimensions, 3)
-        rows[..., :2] = cloud.arena["places"].sum(axis=0)[: self.n_species]
-        rows[..., 2] = cloud.arena["crossings"].sum(axis=0)[: self.n_species]
+        mine["above"][:] = [own > known for own, known in zip(levels, self.levels)]
+        mine["at"][:] = [own == known for own, known in zip(levels, self.levels)]
+        mine["counts"][:] = self._counts()
+        np.sum(cloud.arena["limbs"], axis=0, out=mine["limbs"])
+        np.sum(self.energy, axis=0, out=mine["energy"])
+        np.sum(self.columns, axis=0, out=mine["columns"][self.own])
+        mine["places"][..., :2] = cloud.arena["places"].sum(axis=0)[: self.n_species]
+        mine["places"][..., 2] = cloud.arena["crossings"].sum(axis=0)[: self.n_species]
         return levels
 
     def _scales(self) -> list[float]:
@@ -132,54 +142,47 @@ class SeriesSums:
         """Particles of each species, counted on all ranks."""
         return self.world.sum_int(self._counts())
 
-    def _all(self) -> tuple[bool, NDArray, NDArray, NDArray, NDArray]:
-        """True where a particle is beyond MAX_SPEED, counts [species], limbs [species, k, 3] of the moments of v-,
-        limbs [3] of (rho + rho_0) phi, and sums over columns [Nx] of E_x: of all ranks. Also sets `places`.
-        """
-        world = self.world
+    def _all(self) -> dict[str, NDArray[np.int64]]:
+        """The parts of a sample of all ranks, summed at scales that fit; too_fast tells particles beyond MAX_SPEED."""
         while True:
             levels = self._local()
-            words = world.sum_int(self.words)
-            flags, counts, limbs, energy, columns, places = (words[part] for part in self.parts)
-            too_fast, *above, first_at, second_at = flags.tolist()
-            if too_fast and self.speed < MAX_SPEED:
+            found = self._parts(self.world.sum_int(self.words))
+            if found["too_fast"] and self.speed < MAX_SPEED:
                 self.speed *= 16
-            elif any(above) or not (first_at and second_at):
-                self.levels = world.max_array(np.array(levels)).tolist()
+            elif found["above"].any() or not found["at"].all():
+                self.levels = self.world.max_array(np.array(levels)).tolist()
             else:
-                self.places = self._unwound(places.tolist())
-                return bool(too_fast), counts, limbs.reshape(self.cloud.arena["limbs"].shape[1:]), energy, columns
+                return found
 
-    def _unwound(self, places: list[int]) -> Places:
+    def _unwound(self, places: NDArray[np.int64]) -> Places:
         """Sums of places by species and axis in 2^-40 of a cell, as if the box had no ends, from cells, parts and
-        crossings.
+        crossings; whole numbers of any size.
         """
-        sums, d = iter(places), self.scene.dimensions
-        threes = list(zip(sums, sums, sums))
         return [
             [(cells + turns * n << PLACE_BITS) + parts for n, (cells, parts, turns) in zip(self.scene.points, axes)]
-            for axes in zip(*(threes[axis::d] for axis in range(d)))
+            for axes in places.tolist()
         ]
 
     def scalars(self) -> dict[str, float]:
         """All columns of the series at the present time. Collective."""
-        too_fast, counts, limbs, energy, columns = self._all()
-        scales, species, self.momentum = self._scales(), [], np.zeros(3)
-        for one, count, rows, turns in zip(self.scene.species, counts.tolist(), limbs.tolist(), self.turns):
-            values = [exact.value(row, scale) for row, scale in zip(rows, scales)]
-            sums = self._moments_of(values, turns, math.nan if too_fast else 1.0, one.m)
-            species.append(SpeciesSample(one.m, one.q, count, sums))
+        found = self._all()
+        self.places, self.momentum_before_turn = self._unwound(found["places"]), np.zeros(3)
+        scales, species, valid = self._scales(), [], math.nan if found["too_fast"] else 1.0
+        for k, one in enumerate(self.scene.species):
+            values = [valid * exact.value(row, scale) for row, scale in zip(found["limbs"][k].tolist(), scales)]
+            sums = self._moments_of(values, *self.turns[k], one.m)
+            species.append(SpeciesSample(one.m, one.q, int(found["counts"][k]), sums))
         field = math.nan
         if self.levels[0] < TOP:
-            field = 0.5 * self.scene.cell_volume * exact.value(energy, 1 / float(self.per_scale[0]))
-        sample = Sample(tuple(species), field, tuple(self.modes(columns)))
+            field = 0.5 * self.scene.cell_volume * exact.value(found["energy"], 1 / float(self.per_scale[0]))
+        sample = Sample(tuple(species), field, tuple(self.modes(found["columns"])))
         return {scalar.name: scalar.value(sample) for scalar in scalars.columns(self.scene.dimensions)}
 
     def _moments_of(
-        self, values: list[float], turns: tuple[NDArray, NDArray], valid: float, mass: float
+        self, values: list[float], mean_turn: NDArray, half_turn: NDArray, mass: float
     ) -> dict[Moment, float | NDArray]:
-        """Moments of a species in powers of m/s. `valid` is 1, or nan. Adds to the momentum of v- that of this species,
-        of particles of a mass.
+        """Moments of a species of particles of a mass, in powers of m/s. Adds to `momentum_before_turn`, of v-, which
+        KeptMotion wants.
 
         A vector that is linear in v is that of (v^(n-1/2) + v^(n+1/2)) / 2, with which particles move: a drift is exact.
         Others are turned by half the angle of a step, with the length that v- gives them.
@@ -189,13 +192,13 @@ class SeriesSums:
         for moment in self.moments:
             size = moment.size(len(self.side))
             here, rest = rest[:size], rest[size:]
-            unit = valid * (self.scene.spacing[0] / dt) ** (moment.power - moment.vector)
+            unit = (self.scene.spacing[0] / dt) ** (moment.power - moment.vector)
             if moment.vector:
                 v = np.zeros(3)
                 v[:size] = np.array(here) * self.side / dt
-                found[moment] = unit * (v + turns[moment.power > 1] @ v)
+                found[moment] = unit * (v + (mean_turn if moment.power == 1 else half_turn) @ v)
                 if moment is VELOCITY:
-                    self.momentum += mass * unit * v
+                    self.momentum_before_turn += mass * unit * v
             else:
                 found[moment] = unit * here[0]
         return found
