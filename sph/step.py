@@ -55,7 +55,7 @@ class Sph:
         self.scene = scene = Scene(config)
         self.world, self.timers, self.clock = world, timers, Clock()
         self.n_steps, self.end_time = config.n_steps, config.end_time
-        self.scalar_units = columns.scalar_units(config) | columns.gauge_units(config)
+        self.scalar_units = columns.series_units(config)
         kinds = {"series": "series", "particle": "particles", "checkpoint": "checkpoint"}
         self.time_periods = {kind: getattr(config.output.period, name) or 0.0 for kind, name in kinds.items()}
         self.periods = {kind: getattr(config.output.every, name) or 0 for kind, name in kinds.items()}

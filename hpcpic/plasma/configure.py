@@ -11,7 +11,9 @@ from hpcpic.plasma.setup.defaults import completed
 
 def configure(tree: Tree) -> PlasmaConfig:
     """The complete configuration that a tree of settings describes. Raises ConfigError with every fault."""
-    return validate(PlasmaConfig, tree, lambda config: [*faults(config), *scalars.faults()], complete)
+    config = validate(PlasmaConfig, tree, lambda config: [*faults(config), *scalars.faults()], complete)
+    scalars.units(config)  # ConfigError where two columns have one name
+    return config
 
 
 def complete(config: PlasmaConfig) -> PlasmaConfig:

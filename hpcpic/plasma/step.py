@@ -30,7 +30,7 @@ from hpcpic.plasma.forecast.scales import total_plasma_frequency
 from hpcpic.plasma.particles.cloud import CHUNK, Cloud
 from hpcpic.plasma.particles.driven import driven_kernel
 from hpcpic.plasma.particles.push_spec import WHOLE_BITS, PushSpec, groups_of_charge
-from hpcpic.plasma.physics.species_fields import asked_for, field_units
+from hpcpic.plasma.physics.species_fields import asked_for
 from hpcpic.plasma.setup.scene import Scene
 
 COLDEST = 0.1  # lambda_D/dx to which the grid heats any colder plasma: that is no growth without end yet
@@ -58,9 +58,7 @@ class Plasma:
         }
         self.balance = Balance(world, self, self._take)
         self.lay_out(first_cuts(config, world.size))
-        self.scalar_units = scalars.units(scene.dimensions)
-        self.scalar_units |= self._modes.units() if self._modes else {}
-        self.scalar_units |= self._gauges.units(field_units(config), self.scalar_units)
+        self.scalar_units = scalars.units(config)
         self._distribute()
         self._rewind()
         self.iteration = 0

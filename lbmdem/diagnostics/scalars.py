@@ -4,6 +4,8 @@ import logging
 
 from numpy.typing import NDArray
 
+from hpcpic.core.case.columns import joined
+from hpcpic.core.case.gauge import gauge_columns
 from hpcpic.core.comm.world import World
 from hpcpic.core.run.gauges import Gauges
 from hpcpic.core.space.domain import Domain
@@ -60,8 +62,7 @@ class Diagnostics:
         self.slices = slice_edges(*ends, 2.0 * float(table.radius.max(initial=0.0)), n_slices)
         self.fluid = FluidScalars(scene, world, fluid, drive, immersed, ends, heights) if fluid and drive else None
         self.gauges = Gauges(scene.config.gauge, domain, world)
-        self.units = self._units()
-        self.units |= self.gauges.units(scene.config.fields, self.units)
+        self.units = joined([("the scene", self._units()), *gauge_columns(scene.config.gauge, scene.config.fields)])
 
     def go_on(self, before: "Diagnostics") -> None:
         """Know what these have seen of the same run."""

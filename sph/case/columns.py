@@ -1,11 +1,24 @@
 """Names and units of the columns of an SPH run's series."""
 
+from collections.abc import Iterator
+
+from hpcpic.core.case.columns import joined
 from sph.case.bodies import Body
 from sph.case.config import AXES, Gauge, SphConfig, name_of
 
 
+def series_units(config: SphConfig) -> dict[str, str]:
+    """Unit of each column of a case's series. Raises ConfigError where two of them have one name."""
+    return joined([*of_scene(config), ("a gauge", gauge_units(config))])
+
+
 def scalar_units(config: SphConfig) -> dict[str, str]:
-    """All but gauges. In 2D masses, energies and forces are those of a slice one metre thick."""
+    """All but gauges."""
+    return {column: unit for _, columns in of_scene(config) for column, unit in columns.items()}
+
+
+def of_scene(config: SphConfig) -> Iterator[tuple[str, dict[str, str]]]:
+    """Columns of the fluid and of each wall. In 2D masses, energies and forces are those of a slice one metre thick."""
     d = config.dimensions
     per = "/m" if d == 2 else ""
     force, turn = f"N{per}", "N" if d == 2 else "N m"
@@ -14,8 +27,9 @@ def scalar_units(config: SphConfig) -> dict[str, str]:
     units |= {"max_velocity": "m/s", "max_density_error": "1", "front_x": "m", "dt": "s", "strays": "1"}
     if config.exchanges:
         units |= dict.fromkeys(("inflow", "outflow", "mass_total"), f"kg{per}")
+    yield "the fluid", units
     for i, wall in enumerate(config.wall):
-        name = name_of("wall", i, wall)
+        name, units = name_of("wall", i, wall), dict[str, str]()
         if wall.body:
             units |= body_columns(name, wall.body, d)
         if wall.measure_force or wall.body:
@@ -23,7 +37,7 @@ def scalar_units(config: SphConfig) -> dict[str, str]:
             units |= {f"torque_{name}_{axis}": turn for axis in (AXES if d == 3 else "z")}
             units |= {f"impulse_{name}": f"N s{per}"}
             units |= {f"impulse_{name}_{axis}": f"N s{per}" for axis in AXES[:d]}
-    return units
+        yield f"wall {name!r}", units
 
 
 def body_columns(name: str, body: Body, d: int) -> dict[str, str]:

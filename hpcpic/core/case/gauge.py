@@ -35,6 +35,13 @@ class Gauge(Section):
         return {self.name + end: unit for end in ends}
 
 
+def gauge_columns(
+    gauges: Sequence[Gauge], fields: Mapping[str, tuple[str, int]]
+) -> Iterator[tuple[str, dict[str, str]]]:
+    """What each gauge is called in messages, and its columns with their units (see core.case.columns)."""
+    return ((f"gauge {gauge.name!r}", gauge.columns(fields)) for gauge in named(gauges))
+
+
 def named(gauges: Sequence[Gauge]) -> tuple[Gauge, ...]:
     """The gauges, each with a name."""
     return tuple(g if g.name else g.model_copy(update={"name": f"gauge_{i + 1}"}) for i, g in enumerate(gauges))

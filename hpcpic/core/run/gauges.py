@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from hpcpic.core.case.gauge import AXES, Gauge
 from hpcpic.core.comm.world import World
-from hpcpic.core.errors import ConfigError
 from hpcpic.core.files.arrays import FieldArray
 from hpcpic.core.space.domain import Domain
 
@@ -56,17 +55,6 @@ class Gauges:
 
     def __init__(self, gauges: Sequence[Gauge], domain: Domain, world: World) -> None:
         self._world, self._places = world, [(gauge, *_place(gauge, domain, world.rank)) for gauge in gauges]
-
-    def units(self, fields: Mapping[str, tuple[str, int]], taken: Mapping[str, str]) -> dict[str, str]:
-        """Units of the columns. ConfigError where one of them is `taken` by another column of the series."""
-        units: dict[str, str] = {}
-        for gauge, *_ in self._places:
-            units |= gauge.columns(fields)
-        if double := units.keys() & taken.keys():
-            raise ConfigError(
-                f"gauge: the series has a column {', '.join(sorted(double))} without it; name it otherwise"
-            )
-        return units
 
     def __bool__(self) -> bool:
         return bool(self._places)

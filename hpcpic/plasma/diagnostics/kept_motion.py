@@ -96,7 +96,7 @@ def laws(scene: Scene) -> list[Law]:
     config, d, found = scene.config, scene.dimensions, list[Law]()
     if any(species.section.acceleration for species in scene.species):
         return found
-    b = np.array(config.field.magnetic)
+    b, e = np.array(config.field.magnetic), np.array(config.field.electric)
     t = np.array([species.rotation[0] for species in scene.species]).reshape(-1, 3)
     tried = [*np.eye(3)[: scene.velocity_components], b, b * (1.0, 1.0, 0.0)]
     factors = {species.impulse_across(1.0) for species in scene.species if species.q}
@@ -104,7 +104,7 @@ def laws(scene: Scene) -> list[Law]:
     for along in (vector / np.linalg.norm(vector) for vector in tried if vector.any()):
         turned = 2.0 * np.cross(t, along)
         turned[np.abs(turned) < PARALLEL * np.abs(t).max(initial=0.0)] = 0.0
-        pushed = np.dot(config.field.electric, along) or uneven and np.dot(config.field.electric, b) * np.dot(b, along)
+        pushed = np.dot(e, along) or (uneven and np.dot(e, b) * np.dot(b, along))
         if turned[:, d:].any() or pushed or not (alike or not turned.any()):
             continue
         if not any(np.allclose(along, law.along) for law in found):

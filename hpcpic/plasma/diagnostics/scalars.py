@@ -16,10 +16,14 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from hpcpic.core.case.columns import joined
+from hpcpic.core.case.gauge import gauge_columns
 from hpcpic.core.case.own_functions import arithmetic_fault
 from hpcpic.core.case.schema import Fault
-from hpcpic.core.simd.own import note
+from hpcpic.core.simd.own import note, same
+from hpcpic.plasma.case.config import PlasmaConfig, mode_columns
 from hpcpic.plasma.physics.moments import SPEED_SQUARED, VELOCITY, Moment
+from hpcpic.plasma.physics.species_fields import field_units
 
 MODES = 8
 
@@ -55,7 +59,8 @@ class Sample:
 @dataclass(frozen=True, slots=True)
 class Scalar:
     """A column of the series of boxes of at least so many `axes`. Units per unit of what a 1D or 2D box lacks of a
-    volume are those of macro-particles.
+    volume are those of macro-particles. Its value is finite, where a species has no particles (n = 0) too: figures and
+    `compare` have no number there else.
     """
 
     name: str
@@ -84,9 +89,14 @@ SCALARS: dict[str, Scalar] = {}  # by name, in the order of the columns
 
 
 def register(scalar: Scalar) -> None:
-    """Make a scalar a column of every series from now on. ValueError of an integrand that kernels cannot take over, or
-    that mixes axes, whose cells may differ.
+    """Make a scalar a column of every series from now on. ValueError where another one has its name, unless its
+    function is defined again, and of an integrand that kernels cannot take over, or that mixes axes, whose cells may
+    differ.
     """
+    known = SCALARS.get(scalar.name, scalar)
+    functions = [getattr(one.value, "func", one.value) for one in (known, scalar)]  # of a functools.partial
+    if known != scalar and (functions[0] is functions[1] or not same(*functions)):
+        raise ValueError(f"there is another scalar {scalar.name!r}: give yours another name")
     for moment in scalar.moments:
         said = arithmetic_fault(moment.integrand)
         if not said and not moment.isotropic:
@@ -123,9 +133,11 @@ def columns(dimensions: int) -> tuple[Scalar, ...]:
     return tuple(scalar for scalar in SCALARS.values() if scalar.axes <= dimensions)
 
 
-def units(dimensions: int) -> dict[str, str]:
-    """Unit of each column."""
-    return {scalar.name: scalar.unit for scalar in columns(dimensions)}
+def units(config: PlasmaConfig) -> dict[str, str]:
+    """Unit of each column of a case's series. Raises ConfigError where two of them have one name."""
+    modes = {column: "V/m" for mode in config.output.modes for column in mode_columns(mode)}
+    of_scalars = ((f"scalar {scalar.name!r}", {scalar.name: scalar.unit}) for scalar in columns(config.dimensions))
+    return joined([("output.modes", modes), *of_scalars, *gauge_columns(config.gauge, field_units(config))])
 
 
 def moments() -> tuple[Moment, ...]:

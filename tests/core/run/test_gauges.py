@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from hpcpic.core.case.gauge import Gauge, gauge_faults, named
+from hpcpic.core.case.columns import joined
+from hpcpic.core.case.gauge import Gauge, gauge_columns, gauge_faults, named
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.files.arrays import FieldArray
@@ -116,7 +117,6 @@ def test_a_gauge_is_not_called_as_the_columns_that_tell_when(name, what, n):
 
 
 def test_a_column_of_the_series_is_not_overwritten():
-    world = World.alone()
-    gauges = Gauges([Gauge(name="mass", what="p", at=(1.0, 1.0))], domain(world), world)
-    with pytest.raises(ConfigError, match="mass"):
-        gauges.units(UNITS, {"mass": "kg"})
+    gauges = gauge_columns([Gauge(name="mass", what="p", at=(1.0, 1.0))], UNITS)
+    with pytest.raises(ConfigError, match="the scene has a column mass, and gauge 'mass' too: name gauge 'mass' other"):
+        joined([("the scene", {"mass": "kg"}), *gauges])

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from test_moments import plasma_of
 
+import hpcpic
+from hpcpic.core.errors import ConfigError
 from hpcpic.plasma.diagnostics import scalars
 from hpcpic.plasma.diagnostics.series_sums import SeriesSums
 from hpcpic.plasma.physics.moments import Moment
@@ -37,6 +39,36 @@ def test_a_registered_scalar_is_summed_exactly_in_every_sample(world, monkeypatc
     plasma.sums = SeriesSums(plasma.scene, world, plasma.mesh, plasma.cloud, plasma.field_scale)
     assert plasma.scalars()["energy_flux_x"] == found
     plasma.close()
+
+
+def hot(sample):
+    return 7.0
+
+
+def cold(sample):
+    return 0.0
+
+
+def test_a_name_that_is_taken_is_refused_unless_its_function_is_defined_again(monkeypatch):
+    monkeypatch.setattr(scalars, "SCALARS", dict(scalars.SCALARS))
+    for name in ("charge", "momentum_x"):
+        with pytest.raises(ValueError, match=f"another scalar '{name}': give yours another name"):
+            scalars.register(scalars.Scalar(name, "K", hot))
+    scalars.register(scalars.Scalar("heat", "K", hot))
+    again = type(hot)(hot.__code__, hot.__globals__)  # as a cell of a notebook does that is run twice
+    scalars.register(scalars.Scalar("heat", "K", again))
+    with pytest.raises(ValueError, match="another scalar 'heat'"):
+        scalars.register(scalars.Scalar("heat", "K", cold))
+
+
+@pytest.mark.parametrize("name, owner", [("mode_1_0_re", "output.modes"), ("gauge_1", "gauge 'gauge_1'")])
+def test_a_case_with_a_column_of_the_name_of_a_scalar_is_refused(monkeypatch, name, owner):
+    monkeypatch.setattr(scalars, "SCALARS", dict(scalars.SCALARS))
+    scalars.register(scalars.Scalar(name, "K", hot))
+    case = {"simulation": {"cycles": 1, "time_step": 0.1, "space_length": [8.0, 8.0]}, "grid": {"points": [8, 8]},
+            "gauge": [{"what": "phi", "at": [1.0, 1.0]}], "output": {"modes": [[1, 0]]}, "species": []}  # fmt: skip
+    with pytest.raises(ConfigError, match=f"(?=.*{owner})(?=.*column {name}).*otherwise"):
+        hpcpic.Case(**case)
 
 
 def pressure(vx, vy, vz, square):
