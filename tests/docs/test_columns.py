@@ -10,7 +10,8 @@ import lbmdem
 import sph
 from sph.case.columns import scalar_units
 
-PAGE = Path(__file__).parents[2] / "docs/reference/run-folder.md"
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs/reference/run-folder.md"
 SECTIONS = {"hpcpic": "| plasma", "sph": "| SPH", "lbmdem": "| lattice"}
 
 
@@ -29,9 +30,14 @@ def unknown(program: str, columns) -> set[str]:
     return {name for name in columns if not any(re.fullmatch(pattern, name) for pattern in told(program))}
 
 
+def require_told(program: str, columns) -> None:
+    missing = unknown(program, columns)
+    assert not missing, f"{sorted(missing)}: add a row to the table {SECTIONS[program]!r} of {PAGE.relative_to(ROOT)}"
+
+
 @pytest.mark.parametrize("name", sorted(sph.cases()))
 def test_columns_of_sph_are_told(name):
-    assert not unknown("sph", scalar_units(sph.Case(name).config))
+    require_told("sph", scalar_units(sph.Case(name).config))
 
 
 @pytest.mark.parametrize(
@@ -46,8 +52,10 @@ def test_columns_of_sph_are_told(name):
 )
 def test_columns_of_plasma_and_lattice_are_told(case):
     with case.simulation(threads=1) as sim:
-        assert not unknown(type(case).load_app().name, sim.scalar_units)
+        require_told(type(case).load_app().name, sim.scalar_units)
 
 
 def test_a_column_that_no_row_names_is_found():
     assert unknown("lbmdem", ["speed", "force_disc_x", "force_disc_a"]) == {"speed", "force_disc_a"}
+    with pytest.raises(AssertionError, match=r"'speed'.*add a row to the table .* of docs/reference/run-f"):
+        require_told("lbmdem", ["speed"])

@@ -46,7 +46,7 @@ def ended(world, sets, *, force=False, case=HOT, steps=40):
         assert app.sums.counts().sum() == n and last["charge"] == first["charge"]
         if app.guard():
             return "D", [app.guard()], 0.0
-    assert all(np.isfinite(value) for value in last.values())
+    assert not {name: value for name, value in last.items() if not np.isfinite(value)}
     change = last["energy_total"] / first["energy_total"] - 1 if first["energy_total"] else 0.0
     return "B" if warnings else "A", warnings, change
 
