@@ -26,10 +26,12 @@ class Run:
 
     `summary` is run.json; `status` and `digest` are taken from it. Files are read when they are asked for, and then
     kept until `restart`: open a run that is under way, or that others restart, again to see more of it. Raises
-    FileError for what the folder does not hold.
+    FileError for what the folder does not hold. `open_run` makes one of a folder, and `Case.run` does.
     """
 
-    def __init__(self, files: reader.Run, app: App) -> None:
+    def __init__(self, files: reader.Run, app: App | None = None) -> None:
+        if app is None:
+            raise ConfigError(f"Run({files!r}): a run folder is opened by open_run({files!r})")
         self._files, self._app = files, app
         self.path = files.path
 

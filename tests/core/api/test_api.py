@@ -137,6 +137,12 @@ def test_names_of_the_packages_are_shown():
         assert {"Case", "Run", "cases", "open_run", "__version__"} <= set(dir(package))
 
 
+def test_a_run_of_a_folder_names_what_opens_it(tmp_path):
+    for package in (hpcpic, sph, lbmdem):
+        with pytest.raises(ConfigError, match=r"opened by open_run\('folder'\)"):
+            package.Run("folder")
+
+
 def test_observers_see_each_multiple_once_and_change_nothing(oscillation):
     seen = {"steps": [], "seconds": []}
     with hpcpic.Case("plasma-oscillation").changed(SHORT).simulation(threads=1) as sim:
