@@ -184,7 +184,7 @@ class SeriesSums:
         """Moments of a species of particles of a mass, in powers of m/s. Adds to `momentum_before_turn`, of v-, which
         KeptMotion wants.
 
-        A vector that is linear in v is that of (v^(n-1/2) + v^(n+1/2)) / 2, with which particles move: a drift is right.
+        A vector that is linear in v is that of (v^(n-1/2) + v^(n+1/2)) / 2, by which particles move: drifts are exact.
         Others are turned by half the angle of a step, with the length that v- gives them (docs/theory/plasma.md).
         """
         found: dict[Moment, float | NDArray] = {}

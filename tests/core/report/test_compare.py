@@ -50,6 +50,18 @@ def test_samples_at_other_times_of_runs_of_one_length_are_no_difference(tmp_path
     assert not isinstance(told, Note)
 
 
+def test_what_lies_between_samples_is_no_difference_of_runs_that_end_in_the_same_bits(tmp_path):
+    """A swing, sampled at other times before a restart: its samples lie on no straight line."""
+    a, b = (
+        run_of(tmp_path / f"{n}", times, swing=0.0) for n, times in enumerate(([0.0, 0.5, 1.0], [0.0, 0.3, 0.65, 1.0]))
+    )
+    a.series["x"][1] += 0.1
+    _, *ends = _series(a, b)
+    _, *same = _series(a, b, same_end=True)
+    assert [isinstance(found, Note) for found in ends] == [False, False] and max(d.relative for d in ends) > 0.01
+    assert all(isinstance(found, Note) for found in same) and "series x: interpolated within 0.02" in " ".join(same)
+
+
 def test_a_column_is_measured_by_the_largest_of_its_kind(tmp_path):
     names = ("mode_1_0_re", "mode_1_0_im", "momentum_x", "momentum_y", "energy_field")
     a = run_of(tmp_path / "a", [0.0], **dict(zip(names, (2.0, 1e-16, 3.0, 1e-16, 1e-16))))
