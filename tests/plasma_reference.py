@@ -16,11 +16,11 @@ from hpcpic.core.files.together import Alone
 from hpcpic.core.space.domain import Domain
 from hpcpic.plasma.case.config import PlasmaConfig
 from hpcpic.plasma.configure import configure
-from hpcpic.plasma.diagnostics.scalars import units
+from hpcpic.plasma.diagnostics.scalars import columns
 from hpcpic.plasma.physics.reference import Reference
 from hpcpic.plasma.setup.scene import Scene
 
-UNITS = {name: unit for name, unit in units(1).items() if name != "momentum_y"}
+UNITS = {scalar.name: scalar.unit for scalar in columns(1) if scalar.name != "momentum_y"}
 
 
 def reference_of(scene: Scene) -> Reference:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from hpcpic.core.api import arrays
 from hpcpic.core.api.numbers import finite, whole, words
@@ -30,9 +30,9 @@ class Run:
     """
 
     def __init__(self, files: reader.Run, app: App | None = None) -> None:
-        if app is None:
+        if isinstance(files, str | os.PathLike):
             raise ConfigError(f"Run({files!r}): a run folder is opened by open_run({files!r})")
-        self._files, self._app = files, app
+        self._files, self._app = files, cast(App, app)
         self.path = files.path
 
     @classmethod
