@@ -16,6 +16,7 @@ from hpcpic.plasma.forecast.estimate import SERIES_SHARE, affordable_period, cou
 from hpcpic.plasma.forecast.field_equation import field_equation, field_strength, slowed_by_clouds
 from hpcpic.plasma.forecast.noise import MAX_START_NOISE, alike_per_cell, noise, start_noise, weighted
 from hpcpic.plasma.forecast.rates import DEFAULT
+from hpcpic.plasma.forecast.recurrence import recurrence
 from hpcpic.plasma.forecast.scales import (
     UNITS,
     charge_density,
@@ -29,13 +30,10 @@ from hpcpic.plasma.forecast.scales import (
 from hpcpic.plasma.forecast.turning import MOST_WAVE, WIDER, fastest_turn, stronger_across, turning
 from hpcpic.plasma.physics.heating import HEATING, MIN_PER_CELL, energy_ratio
 from hpcpic.plasma.physics.poisson import operator_of, response
-from hpcpic.plasma.physics.quiet_start import recurrence_time
 from hpcpic.plasma.physics.shapes import SHAPES
 from hpcpic.plasma.setup.loaders import loader_of, velocity_moments
 
 HEATED = 0.1  # growth of the energy by the grid that is warned of
-RECURRENCE = 10.0  # runs until beams are in phase: with 4 the damping of a wave is 3 % off
-UNDAMPED = 0.01  # of a wave's amplitude: what a species takes of it in a run without being told
 MAX_DOUBLINGS = 5  # doublings of particles or points that are tried against it
 CLOUDS = {1: "a seventh", 2: "a thirtieth", 3: "a seventieth"}  # of heating, most at lambda_D = 0.1 dx, measured
 SMOOTHEST_SHAPE = "TSC"
@@ -62,6 +60,7 @@ def derived(config: PlasmaConfig, ranks: int = 1) -> list[Derived]:
         *noise(config),
         *motion(config),
         *waves(config),
+        *recurrence(config),
         *sizes(config),
         *counts(config),
         *blocks(config, ranks),
@@ -325,8 +324,6 @@ def waves(config: PlasmaConfig) -> Iterator[Derived]:
             continue
         cure = f"more than 1 % slow; {math.ceil(8 * step / math.pi)} times the points"
         yield wave("< pi/8", verdict_of(step <= math.pi / 8), f"{BOOK} ch. 4", cure, mode)
-        if species.init_method == "strata" and species.thermal_velocity:
-            yield from recurrence(config, i)
         if len(turns) == 1 and 0 < wp * dt < 2 and config.numerics.gradient == "difference":
             (dx,), radius = spacing(config), config.numerics.cloud_radius
             _, factor = response(operator_of(config), (step / dx,), (dx,), spectral=False, cloud_radius=radius)
@@ -334,27 +331,6 @@ def waves(config: PlasmaConfig) -> Iterator[Derived]:
             swing = wp * dt / 2 * math.sqrt(left * max(factor, 0.0))
             frequency = 2 / (wp * dt) * math.asin(min(swing, 1.0))
             yield Derived("cold frequency on this grid", "w/wp", frequency, source=f"{BOOK} ch. 4, 8")
-
-
-def recurrence(config: PlasmaConfig, i: int) -> Iterator[Derived]:
-    """Time until the beams of a stratified species that move with its wave are in phase again. Not told where the wave
-    is so much faster than they are that they do not damp it in the run.
-    """
-    species = config.species[i]
-    assert species.perturbation is not None
-    modes = zip(species.perturbation.mode, config.simulation.space_length)
-    k, thermal = 2 * math.pi * math.hypot(*(n / length for n, length in modes)), species.thermal_velocity
-    n = species.particles // loader_of(species).batch_size(species, config.points)
-    phase_velocity = math.hypot(plasma_frequency(config, species) / k, math.sqrt(3) * thermal)  # Bohm and Gross
-    length, fast = abs(config.simulation.time_step) * config.simulation.cycles, phase_velocity / thermal
-    damping = math.sqrt(math.pi / 8) * k * phase_velocity * fast**3 * math.exp(-0.5 * fast**2)  # Landau's, weak
-    if damping * length < UNDAMPED:
-        return
-    time, wanted = recurrence_time(n, k, thermal, phase_velocity), RECURRENCE * length
-    name, limit = f"recurrence of {species.name}", f"> {wanted:.3g}, {RECURRENCE:g} times the run"
-    cure = f"{wanted / time if time else math.inf:.2g} times the particles, or fewer places"
-    verdict, source, key = verdict_of(time > wanted), "Landau damping to 1 %, measured", ("species", i, "particles")
-    yield judged(name, "2 pi/(k dv)", time, limit, verdict, source, cure, key, "s")
 
 
 def sizes(config: PlasmaConfig) -> Iterator[Derived]:
