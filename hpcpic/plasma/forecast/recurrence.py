@@ -83,14 +83,16 @@ def beams_along(config: PlasmaConfig, species: Species, share: Sequence[float]) 
 
 
 def waves_of(beams: Sequence[Beam]) -> Iterator[float]:
-    """Frequencies of the waves at k = 1 both ways: Langmuir's, and those of cooler beams that hotter ones shield.
+    """Frequencies of the waves at k = 1 both ways: Langmuir's, and those of cooler beams that hotter ones shield; of
+    beams that drift apart, those of each drift too.
 
     Each is a root of the dispersion relation near what fluids have (Bohm and Gross; acoustic waves). Langmuir's that
     is no wave any more, for its damping, has the frequency of Bohm and Gross; one of the others is none.
     """
-    hottest = max(beam.thermal_velocity for beam in beams)
-    for thermal in sorted({beam.thermal_velocity for beam in beams}):
-        fluid = [beam for beam in beams if beam.thermal_velocity <= thermal]
+    together = [[beam for beam in beams if beam.drift == drift] for drift in sorted({beam.drift for beam in beams})]
+    groups = [beams, *together] if len(together) > 1 else together
+    for group, thermal in [(some, v) for some in groups for v in sorted({b.thermal_velocity for b in some})]:
+        fluid = [beam for beam in group if beam.thermal_velocity <= thermal]
         shield = sum((b.plasma_frequency / b.thermal_velocity) ** 2 for b in beams if b.thermal_velocity > thermal)
         square = sum(beam.plasma_frequency**2 for beam in fluid)
         drift = sum(beam.plasma_frequency**2 * beam.drift for beam in fluid) / square
@@ -103,5 +105,5 @@ def waves_of(beams: Sequence[Beam]) -> Iterator[float]:
                 root = complex(math.nan, math.nan)
             if abs(root.imag) < WAVE * abs(root.real - drift):
                 yield root.real
-            elif thermal == hottest:
+            elif len(fluid) == len(beams):
                 yield guess

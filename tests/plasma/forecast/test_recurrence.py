@@ -114,7 +114,8 @@ def test_nothing_is_told_of_what_damps_no_wave():
     assert not told(config_of(0.314, *(species(*s) for s in [("hot", 4096, HALF, 1.0), ("cool", 4096, HALF, 0.07)])))
     assert not told(config_of(0.314, *two(4096, 4096, method="quiet")))  # the cool ones, 50 spreads slower than it
     assert not told(config_of(0.05, species("e", 4096, 1.0, 1.0, 1e-3)))  # 20 thermal velocities
-    neutral = species("n", 4096, 0.0, 1.0).replace("charge = -1.0", "charge = 0.0").replace("plasma_frequency = 0.0;", "")
+    neutral = species("n", 4096, 1.0, 1.0).replace("charge = -1.0", "charge = 0.0")
+    neutral = neutral.replace("plasma_frequency = 1.0;", "")
     assert set(told(config_of(0.314, neutral, *two(4096, 4096)))) == {"hot"}
     attracting = "field = { equation = { a = -1.0; }; };"
     assert not told(config_of(0.314, *two(4096, 4096), head=attracting))
@@ -124,6 +125,14 @@ def test_drift_of_all_changes_nothing():
     moved = [text.replace("init_method", "drift_velocity = [0.7]; init_method") for text in two(16384, 4096)]
     still = told(config_of(0.314, *two(16384, 4096)))["hot"].value
     assert told(config_of(0.314, *moved))["hot"].value == pytest.approx(still, rel=1e-9)
+
+
+def test_beams_far_apart_have_their_own_waves():
+    """As though the other were not there: a beam so fast has no part in the waves of the hot ones."""
+    hot, beam = two(16384, 4096, first=1e-3)
+    fast = beam.replace("init_method", "drift_velocity = [1e4]; init_method")
+    alone = told(config_of(0.25, hot))["hot"].value
+    assert told(config_of(0.25, hot, fast))["hot"].value == pytest.approx(alone, rel=1e-3)
 
 
 @pytest.mark.parametrize("thermal", [0.0, 1e-3, 1e-6, 1e-12])
