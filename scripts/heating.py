@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
-"""How fast the grid heats a thermal plasma: runs, and the rates of hpcpic/plasma/physics/shapes.py from them.
+"""How fast the grid heats a thermal plasma: runs, and the rates of hpcpic/plasma/physics/heating.py from them.
 
 python scripts/heating.py DIMENSIONS SHAPE [DIMENSIONS SHAPE ...]       as in 3 CIC, 1 TSC
+python scripts/heating.py across SHAPE                                  what a magnetic field out of the plane adds in 2D
 
 Each run starts at random places, goes on until wp t = 875 with wp dt = 0.2 and centred differences, and tells the
 energy in the end over that at the start; the rates are those with which `energy_ratio` gives these best. On a line the
@@ -10,6 +11,7 @@ field of a random start has much of the energy: its Debye length is that of both
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import math
 import sys
@@ -19,12 +21,16 @@ import numpy as np
 from scipy.optimize import least_squares
 
 import hpcpic
-from hpcpic.plasma.physics.heating import Heating, energy_ratio
+from hpcpic.core.errors import Diverged
+from hpcpic.plasma.physics.heating import ACROSS_DEBYE, HEATING, ONSET, Heating, energy_ratio
 
 DEBYE = (0.03, 0.1, 0.3, 0.5, 0.7, 1.0)  # lambda_D/dx
 PER_CELL = {1: (64, 256, 1024, 4096), 2: (16, 64), 3: (16, 64)}
 POINTS = {1: [64], 2: [64, 64], 3: [16, 16, 16]}
 STEP, STEPS = 0.2, 4375
+TURNS, STEPS_ACROSS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0), 1000  # wc/wp
+SEEN_ACROSS = 0.01  # growth above which it counts
+SMOOTH_ACROSS = 0.05
 MOST_FIELD = 3.0  # of the start over its heat, on a line
 LEAST = 0.005  # growth on a line that is more than the swing of the energy
 SMOOTH = 0.02  # weight of a bend against a miss
@@ -35,8 +41,11 @@ def main() -> int:
     if not words or len(words) % 2:
         print(__doc__, file=sys.stderr)
         return 2
-    for dimensions, shape in zip(map(int, words[::2]), words[1::2]):
-        found = {}
+    for first, shape in zip(words[::2], words[1::2]):
+        if first == "across":
+            across(shape)
+            continue
+        dimensions, found = int(first), {}
         for debye in DEBYE:
             for per_cell in PER_CELL[dimensions]:
                 if dimensions == 1 and POINTS[1][0] / (12 * per_cell * debye**2) > MOST_FIELD:
@@ -49,18 +58,47 @@ def main() -> int:
     return 0
 
 
-def growth(dimensions: int, shape: str, debye: float, per_cell: int) -> tuple[float, float]:
-    """Debye length of the start, and W(end)/W(0) - 1, of a plasma of this Debye length in spacings."""
-    points = POINTS[dimensions]
+def across(shape: str) -> None:
+    """Growth with wc/wp by rising Debye length, and the rates above those of no magnetic field that give it best.
+    Runs that diverge are left out.
+    """
+    time, points = STEP * STEPS_ACROSS, HEATING[shape, 2]
+    for turn in TURNS:
+        seen = {}
+        for debye in ACROSS_DEBYE:
+            with contextlib.suppress(Diverged):
+                seen[debye] = growth(2, shape, debye, 32, turn, STEPS_ACROSS)[1]
+
+        def foretold(logs: Any) -> dict[float, float]:
+            rates = np.exp(logs) * time / (time + ONSET)
+            return {debye: energy_ratio(points, debye, 32, time, list(rates)) - 1 for debye in seen}
+
+        def misses(logs: Any) -> Any:
+            found = foretold(logs).items()
+            missed = [math.log((grown + SEEN_ACROSS) / (seen[debye] + SEEN_ACROSS)) for debye, grown in found]
+            return np.concatenate([missed, SMOOTH_ACROSS * np.diff(logs, 2)])
+
+        first = np.log(np.geomspace(1e-2, 1e-5, len(ACROSS_DEBYE)))
+        best = least_squares(misses, first, bounds=(math.log(1e-7), 0.0), diff_step=1e-2).x
+        print(f"{shape}, wc = {turn} wp:", *(f"{one:.2g} ({seen[d]:.2g})" for d, one in foretold(best).items()))
+        print(f"{turn}: ({', '.join(f'{one:.2g}' for one in np.exp(best))}),", flush=True)
+
+
+def growth(
+    dimensions: int, shape: str, debye: float, per_cell: int, turn: float = 0.0, steps: int = STEPS
+) -> tuple[float, float]:
+    """Debye length of the start, and W(end)/W(0) - 1, of a plasma of this Debye length in spacings and this wc/wp."""
+    points = [32, 32] if turn else POINTS[dimensions]
     electrons = {
         "name": "electrons", "charge": -1.0, "mass": 1.0, "plasma_frequency": 1.0, "thermal_velocity": debye,
         "particles": per_cell * math.prod(points), "init_method": "random position",
     }  # fmt: skip
     case = hpcpic.Case(
         description="a thermal plasma that its grid heats",
-        simulation={"cycles": STEPS, "time_step": STEP, "space_length": [float(n) for n in points]},
+        simulation={"cycles": steps, "time_step": STEP, "space_length": [float(n) for n in points]},
         grid={"points": points},
         numerics={"shape": shape},
+        field={"magnetic": [0.0, 0.0, turn]},
         species=[electrons],
     )
     with case.simulation(threads=1) as sim:

@@ -27,8 +27,8 @@ from hpcpic.plasma.forecast.scales import (
     thermal_velocities,
     total_plasma_frequency,
 )
-from hpcpic.plasma.forecast.turning import MOST_WAVE, WIDER, fastest_turn, stronger_across, turning
-from hpcpic.plasma.physics.heating import HEATING, MIN_PER_CELL, energy_ratio
+from hpcpic.plasma.forecast.turning import MOST_WAVE, WIDER, fastest_turn, stronger_across, turn_across_grid, turning
+from hpcpic.plasma.physics.heating import HEATING, MIN_PER_CELL, energy_ratio, rates_across
 from hpcpic.plasma.physics.poisson import operator_of, response
 from hpcpic.plasma.physics.shapes import SHAPES
 from hpcpic.plasma.setup.loaders import loader_of, velocity_moments
@@ -36,6 +36,7 @@ from hpcpic.plasma.setup.loaders import loader_of, velocity_moments
 HEATED = 0.1  # growth of the energy by the grid that is warned of
 MAX_DOUBLINGS = 5  # doublings of particles or points that are tried against it
 CLOUDS = {1: "a seventh", 2: "a thirtieth", 3: "a seventieth"}  # of heating, most at lambda_D = 0.1 dx, measured
+CLOUDS_ACROSS = 0.05  # of it where B is across the grid: a 25th and less was measured
 SMOOTHEST_SHAPE = "TSC"
 MAX_IMBALANCE = 1e-6  # of the charge of species of both signs, over the sum of their moduli: what is rounded in a case
 LARGEST = 1e75  # of a number in a case: products of four still are floating-point numbers
@@ -229,7 +230,8 @@ def heated(config: PlasmaConfig, shape: str, ratio: float, more: float = 1.0, fi
     if per_cell < MIN_PER_CELL or not start < MAX_START_NOISE:
         return math.nan
     debye = ratio * finer * math.sqrt(1 + start)  # the noise becomes heat at once
-    return energy_ratio(HEATING[shape, axes], debye, per_cell, time) - 1
+    across = rates_across(shape, axes, turn_across_grid(config), time)
+    return energy_ratio(HEATING[shape, axes], debye, per_cell, time, across) - 1
 
 
 def heating(config: PlasmaConfig, ratio: float) -> Derived:
@@ -250,8 +252,14 @@ def heating(config: PlasmaConfig, ratio: float) -> Derived:
     ways += [f"{finer:g} times the points on each axis with as many particles per cell"] if finer else []
     if shape != SMOOTHEST_SHAPE and heated(config, SMOOTHEST_SHAPE, ratio) < HEATED:
         ways.insert(0, f'numerics.shape = "{SMOOTHEST_SHAPE}"')
+    turn = turn_across_grid(config)
+    across = bool(rates_across(shape, axes, turn, time=1.0))
+    if across and ratio >= 0.1 and config.simulation.solver == "MFT" and growth * CLOUDS_ACROSS < HEATED:
+        ways.insert(0, f"numerics.cloud_radius = {min(spacing(config)):.3g}")
     cure = ", or ".join(ways) or f"no grid up to {factors[-1]:g} times as fine cures it"
     verdict, source = verdict_of(growth < HEATED), "rates measured at wp dt = 0.2"
+    if across:
+        source += f", with wc = {turn:.2g} wp across the grid, which particles do not cure"
     return judged("predicted heating", "dW/W", growth, f"< {HEATED}", verdict, source, cure, POINTS)
 
 
