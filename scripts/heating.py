@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """How fast the grid heats a thermal plasma: runs, and the rates of hpcpic/plasma/physics/heating.py from them.
 
-python scripts/heating.py DIMENSIONS SHAPE [DIMENSIONS SHAPE ...]       as in 3 CIC, 1 TSC
-python scripts/heating.py across SHAPE                                  what a magnetic field out of the plane adds in 2D
+python scripts/heating.py DIMENSIONS SHAPE [...]         as in 3 CIC, 1 TSC
+python scripts/heating.py across SHAPE                  what a magnetic field out of the plane adds in 2D
 
 Each run starts at random places, goes on until wp t = 875 with wp dt = 0.2 and centred differences, and tells the
 energy in the end over that at the start; the rates are those with which `energy_ratio` gives these best. On a line the
@@ -62,26 +62,32 @@ def across(shape: str) -> None:
     """Growth with wc/wp by rising Debye length, and the rates above those of no magnetic field that give it best.
     Runs that diverge are left out.
     """
-    time, points = STEP * STEPS_ACROSS, HEATING[shape, 2]
     for turn in TURNS:
         seen = {}
         for debye in ACROSS_DEBYE:
             with contextlib.suppress(Diverged):
                 seen[debye] = growth(2, shape, debye, 32, turn, STEPS_ACROSS)[1]
+        rates, grown = fitted_across(shape, seen)
+        print(f"{shape}, wc = {turn} wp:", *(f"{one:.2g} ({seen[debye]:.2g})" for debye, one in grown.items()))
+        print(f"{turn}: ({', '.join(f'{one:.2g}' for one in rates)}),", flush=True)
 
-        def foretold(logs: Any) -> dict[float, float]:
-            rates = np.exp(logs) * time / (time + ONSET)
-            return {debye: energy_ratio(points, debye, 32, time, list(rates)) - 1 for debye in seen}
 
-        def misses(logs: Any) -> Any:
-            found = foretold(logs).items()
-            missed = [math.log((grown + SEEN_ACROSS) / (seen[debye] + SEEN_ACROSS)) for debye, grown in found]
-            return np.concatenate([missed, SMOOTH_ACROSS * np.diff(logs, 2)])
+def fitted_across(shape: str, seen: dict[float, float]) -> tuple[list[float], dict[float, float]]:
+    """The rates at each of ACROSS_DEBYE whose growth is nearest to that seen by Debye length, and that growth."""
+    time = STEP * STEPS_ACROSS
 
-        first = np.log(np.geomspace(1e-2, 1e-5, len(ACROSS_DEBYE)))
-        best = least_squares(misses, first, bounds=(math.log(1e-7), 0.0), diff_step=1e-2).x
-        print(f"{shape}, wc = {turn} wp:", *(f"{one:.2g} ({seen[d]:.2g})" for d, one in foretold(best).items()))
-        print(f"{turn}: ({', '.join(f'{one:.2g}' for one in np.exp(best))}),", flush=True)
+    def foretold(logs: Any) -> dict[float, float]:
+        rates = list(np.exp(logs) * time / (time + ONSET))
+        return {debye: energy_ratio(HEATING[shape, 2], debye, 32, time, rates) - 1 for debye in seen}
+
+    def misses(logs: Any) -> Any:
+        found = foretold(logs).items()
+        missed = [math.log((grown + SEEN_ACROSS) / (seen[debye] + SEEN_ACROSS)) for debye, grown in found]
+        return np.concatenate([missed, SMOOTH_ACROSS * np.diff(logs, 2)])
+
+    first = np.log(np.geomspace(1e-2, 1e-5, len(ACROSS_DEBYE)))
+    best = least_squares(misses, first, bounds=(math.log(1e-7), 0.0), diff_step=1e-2).x
+    return list(np.exp(best)), foretold(best)
 
 
 def growth(

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from hpcpic.plasma.case.config import PlasmaConfig
 from hpcpic.plasma.forecast.cuts import spread_evenly
-from hpcpic.plasma.forecast.scales import plasma_frequency
+from hpcpic.plasma.forecast.scales import plasma_frequency, spacing, thermal_velocities
 from hpcpic.plasma.setup.scene import Scene
 
 SAMPLE = 1 << 18  # particles of a species, at most, by which its density is known
@@ -78,3 +78,18 @@ def dense_frequency(config: PlasmaConfig) -> float:
     """wp of all species together where the plasma is densest, rad/s."""
     ratios = zip(config.species, densest(config))
     return math.hypot(0.0, *(plasma_frequency(config, one) * math.sqrt(ratio) for one, ratio in ratios))
+
+
+def mean_debye(config: PlasmaConfig) -> float:
+    """Debye length over the spacing, of the axis where it is smallest, were the heat shared by all charges as the grid
+    comes to share it: colder species shield no more than others. Species without heat do not count; inf where none has.
+    """
+    charges, heats = [0.0] * config.dimensions, [0.0] * config.dimensions
+    for species, denser in zip(config.species, densest(config)):
+        per_charge = species.mass / abs(species.charge) if plasma_frequency(config, species) else 0.0
+        charge = denser * plasma_frequency(config, species) ** 2 * per_charge  # density, over the permittivity
+        for axis, thermal in enumerate(thermal_velocities(config, species)):
+            charges[axis] += charge if thermal > 0 else 0.0
+            heats[axis] += charge * per_charge * thermal * thermal
+    axes = zip(heats, charges, spacing(config), config.points)
+    return min((math.sqrt(heat) / charge / dx for heat, charge, dx, n in axes if charge and n > 1), default=math.inf)

@@ -11,7 +11,7 @@ from hpcpic.core.case.derived import Derived, Verdict
 from hpcpic.plasma.case.config import MOST_POINTS, Equation, PlasmaConfig, velocity_components
 from hpcpic.plasma.case.units import SYSTEMS, known_by_ratio
 from hpcpic.plasma.forecast.cold_drift import cold_drift
-from hpcpic.plasma.forecast.densest import at_densest, dense_frequency, densest
+from hpcpic.plasma.forecast.densest import at_densest, dense_frequency, densest, mean_debye
 from hpcpic.plasma.forecast.estimate import SERIES_SHARE, affordable_period, count_seconds, phases
 from hpcpic.plasma.forecast.field_equation import field_equation, field_strength, slowed_by_clouds
 from hpcpic.plasma.forecast.noise import MAX_START_NOISE, alike_per_cell, noise, start_noise, weighted
@@ -193,7 +193,7 @@ def resolution(config: PlasmaConfig) -> Iterator[Derived]:
     verdict, name = verdict_of(longest < 10), "Debye length in boxes"
     yield judged(name, "lambda_D/L", longest, "< 10", verdict, f"{BOOK} ch. 1", cure, key)
     if known:
-        yield heating(config, ratio)
+        yield heating(config)
     elif field_axes(config) == 1:
         which = f"{velocity_components(config)} velocity components" if scheme else "this scheme"
         yield Derived("predicted heating", "dW/W", math.nan, source=f"no rates for {which} in 1D")
@@ -207,7 +207,7 @@ def shielding(config: PlasmaConfig, ratios: list[float], known: bool) -> Derived
     if max(points) <= MOST_POINTS:
         cure = f"grid.points = {[math.ceil(n) for n in points]}"
     coarser = config.numerics.shape != SMOOTHEST_SHAPE
-    smooth = heated(config, SMOOTHEST_SHAPE, ratio) if known and coarser else math.inf
+    smooth = heated(config, SMOOTHEST_SHAPE) if known and coarser else math.inf
     less = []
     if smooth < HEATED:
         less.append(f'numerics.shape = "{SMOOTHEST_SHAPE}" (the energy grows by {max(smooth, 0.0):.2g})')
@@ -221,7 +221,7 @@ def shielding(config: PlasmaConfig, ratios: list[float], known: bool) -> Derived
     return judged(name, "lambda_D/dx", ratio, limit, verdict, f"{BOOK} ch. 8", cure, POINTS, forceable=True)
 
 
-def heated(config: PlasmaConfig, shape: str, ratio: float, more: float = 1.0, finer: float = 1.0) -> float:
+def heated(config: PlasmaConfig, shape: str, more: float = 1.0, finer: float = 1.0) -> float:
     """W(end)/W(0) - 1 by the measured rates, with `more` times the particles and a `finer` grid; nan where too few."""
     axes = field_axes(config)
     per_cell = more * alike_per_cell(config) / finer**axes
@@ -229,15 +229,15 @@ def heated(config: PlasmaConfig, shape: str, ratio: float, more: float = 1.0, fi
     start = start_noise(config) / more if axes == 1 else 0.0
     if per_cell < MIN_PER_CELL or not start < MAX_START_NOISE:
         return math.nan
-    debye = ratio * finer * math.sqrt(1 + start)  # the noise becomes heat at once
+    debye = mean_debye(config) * finer * math.sqrt(1 + start)  # the noise becomes heat at once
     across = rates_across(shape, axes, turn_across_grid(config), time)
     return energy_ratio(HEATING[shape, axes], debye, per_cell, time, across) - 1
 
 
-def heating(config: PlasmaConfig, ratio: float) -> Derived:
+def heating(config: PlasmaConfig) -> Derived:
     """Growth of the total energy over the run that the grid causes, from the measured rates, with cures by the same."""
     shape, axes = config.numerics.shape, field_axes(config)
-    growth = heated(config, shape, ratio)
+    growth = heated(config, shape)
     if math.isnan(growth):
         source = f"cannot be foretold with fewer than {MIN_PER_CELL:g} particles per cell"
         if sum(species.particles for species in config.species) >= MIN_PER_CELL * math.prod(config.points):
@@ -246,15 +246,15 @@ def heating(config: PlasmaConfig, ratio: float) -> Derived:
             source = f"cannot be foretold: the field of the random start has {start_noise(config):.2g} times the heat"
         return Derived("predicted heating", "dW/W", growth, source=source)
     factors = [2.0**n for n in range(1, MAX_DOUBLINGS + 1)]
-    more = next((f for f in factors if heated(config, shape, ratio, more=f) < HEATED), None)
-    finer = next((f for f in factors if heated(config, shape, ratio, more=f**axes, finer=f) < HEATED), None)
+    more = next((f for f in factors if heated(config, shape, more=f) < HEATED), None)
+    finer = next((f for f in factors if heated(config, shape, more=f**axes, finer=f) < HEATED), None)
     ways = [f"{more:g} times the particles"] if more else []
     ways += [f"{finer:g} times the points on each axis with as many particles per cell"] if finer else []
-    if shape != SMOOTHEST_SHAPE and heated(config, SMOOTHEST_SHAPE, ratio) < HEATED:
+    if shape != SMOOTHEST_SHAPE and heated(config, SMOOTHEST_SHAPE) < HEATED:
         ways.insert(0, f'numerics.shape = "{SMOOTHEST_SHAPE}"')
     turn = turn_across_grid(config)
     across = bool(rates_across(shape, axes, turn, time=1.0))
-    if across and ratio >= 0.1 and config.simulation.solver == "MFT" and growth * CLOUDS_ACROSS < HEATED:
+    if across and mean_debye(config) >= 0.1 and config.simulation.solver == "MFT" and growth * CLOUDS_ACROSS < HEATED:
         ways.insert(0, f"numerics.cloud_radius = {min(spacing(config)):.3g}")
     cure = ", or ".join(ways) or f"no grid up to {factors[-1]:g} times as fine cures it"
     verdict, source = verdict_of(growth < HEATED), "rates measured at wp dt = 0.2"

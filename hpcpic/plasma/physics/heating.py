@@ -53,8 +53,8 @@ HEATING = {
 }  # fmt: skip
 
 
-# Across a magnetic field waves with k.B = 0 are not damped, and their aliases heat at a rate that the number of particles
-# does not change. In 2D with B out of the plane, by shape and wc/wp: d ln W/d(wp t) at each lambda_D/dx of ACROSS_DEBYE,
+# Across a magnetic field waves with k.B = 0 are not damped: their aliases heat at a rate that no number of particles
+# changes. In 2D with B out of the plane, by shape and wc/wp: d ln W/d(wp t) at each lambda_D/dx of ACROSS_DEBYE,
 # above that of B = 0. 32 x 32 points, 32 particles per cell, until wp t = 200 (scripts/heating.py across CIC).
 ACROSS_DEBYE = (0.1, 0.2, 0.3, 0.5, 1.0, 2.0)
 ACROSS = {

@@ -195,6 +195,25 @@ def test_unequal_weights_heat_as_their_noise(ions, measured):
         assert math.isnan(found.value) and "of one charge: these have the noise of 7.1" in found.source
 
 
+@pytest.mark.parametrize(
+    "mass, ions, electrons, time, measured",
+    [(400, 0.12, 0.35, 300, 0.161), (400, 0.12, 0.35, 1500, 0.763), (25, 0.12, 0.35, 1500, 0.967),
+     (400, 0.04, 0.35, 300, 0.168), (25, 0.2, 0.5, 600, 0.171), (400, 0.35, 0.35, 300, 0.104)],
+)  # fmt: skip
+def test_cold_ions_shield_no_more_than_the_electrons_that_heat_them(mass, ions, electrons, time, measured):
+    """16 of each per cell on 48 x 32 points; lambda_D/dx of each alone."""
+    text = f"""
+    simulation = {{ cycles = {5 * time}; time_step = 0.2; space_length = [48.0, 32.0]; }};
+    grid = {{ points = [48, 32]; }};
+    species = (
+      {{ name = "e"; charge = -1.0; mass = 1.0; density = 1.0; particles_per_cell = 16;
+         thermal_velocity = {electrons}; }},
+      {{ name = "i"; charge = 1.0; mass = {mass}.0; density = 1.0; particles_per_cell = 16;
+         thermal_velocity = {ions / math.sqrt(mass)}; }});
+    """
+    assert numbers(text=text)[0]["dW/W"].value == pytest.approx(measured, rel=0.4)
+
+
 def test_a_few_particles_have_no_heating_that_could_be_foretold():
     for particles in (1, 2048):
         number = numbers([f"species[0].particles={particles}", "species[0].thermal_velocity=0.1"])[0]["dW/W"]
