@@ -105,13 +105,14 @@ def rate(points: Sequence[Heating], x: float, per_cell: float, across: Sequence[
 
 def rates_across(shape: str, axes: int, turn: float, time: float) -> list[float]:
     """What a magnetic field across the grid adds to the rate on 2 or 3 axes in a run of wp t = time, at each of
-    ACROSS_DEBYE; none below the smallest turn = wc/wp that was measured. Within a factor of two in 2D, four in 3D.
+    ACROSS_DEBYE: none below the smallest turn = wc/wp that was measured, beyond the largest what that has. Within a
+    factor of two in 2D, four in 3D.
     """
     turns = list(ACROSS[shape])
     if turn < turns[0]:
         return []
     share = (SHARE_3D if axes == 3 else 1.0) * time / (time + ONSET)
-    return [share * power(math.log(turn), turns, column) for column in zip(*ACROSS[shape].values())]
+    return [share * power(math.log(min(turn, turns[-1])), turns, column) for column in zip(*ACROSS[shape].values())]
 
 
 def energy_ratio(
