@@ -75,6 +75,12 @@ class Check(Table):
                 return row
         raise KeyError(f"{name}: no such number; there are {', '.join(row.name for row in self.rows)}")
 
+    def __iter__(self) -> Iterator[Derived]:
+        return iter(self.rows)
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
     def __repr__(self) -> str:
         from hpcpic.core.cli.check import print_derived
 

@@ -334,6 +334,7 @@ def test_limits_bind_in_python_too(tmp_path):
     case = hpcpic.Case("plasma-oscillation").changed({"simulation.time_step": 100.0})
     assert not case.check().ok
     assert case.check()["wp dt"].verdict == "fail"
+    assert [row.symbol for row in case.check() if row.verdict == "fail"] == ["wp dt"]
     with pytest.raises(hpcpic.ConfigError, match=r"limit < 1\.2, stable below 2"):
         case.run(tmp_path / "run")
     with pytest.raises(hpcpic.ConfigError, match=r"limit < 1\.2, stable below 2"):
