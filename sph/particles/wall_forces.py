@@ -1,4 +1,4 @@
-"""The force of the fluid on walls, and its integral over time.
+"""The force of the fluid on walls, and its integral over time. In a corner walls share it (see wall_corners).
 
 Pair forces along v_ij give the traction mu dv/dn, without mu (grad v)^T n. On the surface of a body that turns at w and
 to which fluid sticks that part is - mu w x n: all around it no force, and a torque of - 2 mu w V.
@@ -11,11 +11,12 @@ from hpcpic.core.comm.world import World
 from hpcpic.core.space.exact import LIMBS, add_limbs, power_of_two_above, value
 from sph.case import geometry
 from sph.kernels import readings
-from sph.kernels.marks import CODES, OWN
+from sph.kernels.marks import CODES, OWN, WALL_BITS
 from sph.particles.ghosts import Ghosts
 from sph.particles.pair_sums import PairSums
 from sph.particles.slabs import Slabs
-from sph.particles.storage import Slots
+from sph.particles.storage import Slots, Storage
+from sph.particles.wall_corners import WallCorners
 from sph.particles.walls import Walls
 from sph.setup.scene import Wall
 from sph.setup.signed_distance import signed_distance
@@ -33,6 +34,7 @@ class WallForces:
         self.measured = [wall for wall in walls.scene.walls if wall.measure_force]
         self.impulses = np.zeros((len(walls.scene.walls), 4))
         self._surfaces = {wall.index: surface(wall) for wall in self.measured if wall.rigid and not wall.rule.slips}
+        self._corners = WallCorners(walls)
 
     def largest_impulse(self, time: float) -> float:
         """Impulse of pressures rho0 c0^2 on the sides of all particles from the start to a time in s, N s."""
@@ -44,25 +46,58 @@ class WallForces:
         """Force [d] in N (2D: N/m) and torque [3] about `torque_about` of the fluid on each measured wall, by the
         last pair sums. Collective.
         """
-        storage, scene = self.storage, self.walls.scene
+        scene = self.walls.scene
         axes, d = list(scene.axes), scene.dimensions
         slots, of = bodies_of_walls(self.walls, self.ghosts, self.slabs)
-        terms = []
+        force = np.zeros((3, len(slots)))
+        force[axes] = self.sums.forces_on(slots)
+        corner, taken, taker, owner = self._in_corners()
+        slots, of = np.concatenate([slots, corner, corner]), np.concatenate([of, taker, owner])
+        force, terms = np.concatenate([force, taken, -taken], axis=1), []
         for wall in self.measured:
-            own = slots[of == wall.index]
-            force, arm = np.zeros((3, len(own))), np.zeros((3, len(own)))
-            force[axes] = self.sums.forces_on(own)
-            about = wall.rigid.centre[:d] if wall.rigid else wall.torque_about
-            centre = about + self.walls.displacement[wall.index] - scene.low
-            arm[axes] = storage.x[:, own] - centre[axes, None]
-            if wall.rigid:
-                length = (scene.high - scene.low)[:, None]
-                arm[:d] -= np.where(scene.periodic[:, None], length * np.rint(arm[:d] / length), 0.0)
-            (x, y, z), (fx, fy, fz) = arm, force
+            own = of == wall.index
+            (x, y, z), (fx, fy, fz) = self._arm(wall, slots[own]), force[:, own]
             torque = [y * fz - z * fy, z * fx - x * fz, x * fy - y * fx]
-            terms.append(np.concatenate([force, torque, [self._wetted(wall, own)]]))
+            terms.append(np.concatenate([force[:, own], torque, [self._wetted(wall, slots[own])]]))
         totals = exact_sums(self.slabs.world, terms) if terms else []
         return {wall.name: (total[:d], self._torque(wall, total)) for wall, total in zip(self.measured, totals)}
+
+    def _arm(self, wall: Wall, slots: Slots) -> NDArray[np.float64]:
+        """[3, k] m from where torques on a wall are about, in physical axes."""
+        scene, arm = self.walls.scene, np.zeros((3, len(slots)))
+        d = scene.dimensions
+        about = wall.rigid.centre[:d] if wall.rigid else wall.torque_about
+        centre = about + self.walls.displacement[wall.index] - scene.low
+        axes = list(scene.axes)
+        arm[axes] = self.storage.x[:, slots] - centre[axes, None]
+        if wall.rigid:
+            length = (scene.high - scene.low)[:, None]
+            arm[:d] -= np.where(scene.periodic[:, None], length * np.rint(arm[:d] / length), 0.0)
+        return arm
+
+    def _in_corners(self) -> tuple[Slots, NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
+        """Slots of own particles in corners of walls, once for each wall that takes a share of the force on them: that
+        share [3, k] N, the wall, and whose the particle is.
+        """
+        storage, scene, shares = self.storage, self.walls.scene, self._corners.shares()
+        if not len(shares.ids):
+            none = np.zeros(0, np.int64)
+            return none, np.zeros((3, 0)), none, none
+
+        def find() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+            slots, _ = _slots_of_walls(storage, np.zeros_like(self.ghosts.maps.wall), self._corners.walls)
+            slots = slots[storage.flags[slots] & OWN > 0]
+            order = np.argsort(storage.numbers(slots))
+            return slots[order], storage.numbers(slots)[order]
+
+        slots, numbers = storage.until_sorted("corners", find)
+        at = np.minimum(np.searchsorted(numbers, shares.ids), len(numbers) - 1)
+        lines = np.flatnonzero(numbers[at] == shares.ids) if len(numbers) else np.zeros(0, np.int64)
+        slots = slots[at[lines]]
+        force = np.zeros((3, len(slots)))
+        force[list(scene.axes)] = self.sums.forces_on(slots)
+        force[: scene.dimensions] = shares.force(lines, force[: scene.dimensions])
+        return slots, force, shares.of[lines], shares.ids[lines] // (1 << WALL_BITS) - 1
 
     def _torque(self, wall: Wall, total: NDArray[np.float64]) -> NDArray[np.float64]:
         """[3] N m about the middle of a wall. Pressure goes through the centre of a disc or ball along which fluid
@@ -110,8 +145,7 @@ def bodies_of_walls(walls: Walls, ghosts: Ghosts, slabs: Slabs) -> tuple[Slots, 
 
     def find() -> NDArray[np.int64]:
         """Slots, walls, and 1 for images: of own particles and of images."""
-        images, found = np.array(ghosts.maps.wall), np.empty((2, storage.end), np.int64)
-        found = found[:, : readings.of_walls(storage.end, storage.flags, storage.key, images, walls.measured, *found)]
+        found = _slots_of_walls(storage, np.array(ghosts.maps.wall), walls.measured)
         image = storage.key[found[0]] % CODES > 0
         own = storage.flags[found[0]] & OWN > 0
         return np.compress(image | own, np.vstack([found, image]), axis=1)
@@ -121,6 +155,12 @@ def bodies_of_walls(walls: Walls, ghosts: Ghosts, slabs: Slabs) -> tuple[Slots, 
         layer = slabs.grid.layer(storage.x[0, found[0]])
         found = np.compress((found[2] == 0) | (layer >= slabs.low) & (layer < slabs.high), found, axis=1)
     return found[0], found[1]
+
+
+def _slots_of_walls(storage: Storage, images: NDArray, wanted: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Slots and walls [2, n] of the bodies of some walls, and of images of the fluid in them."""
+    found = np.empty((2, storage.end), np.int64)
+    return found[:, : readings.of_walls(storage.end, storage.flags, storage.key, images, wanted, *found)]
 
 
 def exact_sums(world: World, terms: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:

@@ -1,0 +1,156 @@
+"""Particles in the corner behind two walls that meet: which wall bears what the fluid does to them.
+
+Fluid in the corner pushes on them through the faces of both. Of a pressure p on the face of a wall A, what acts on the
+particles behind A alone lacks, at the edge, the part along A's normal of what acts on those behind both. So A bears
+that part, whoever's the particle is: booked to its owner, it made a gate of 0.2 x 0.3 m lose 5 % of its load at 12 mm.
+"""
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sph.particles.walls import Walls
+from sph.setup.scene import Wall
+from sph.setup.tanks import depth_in_wall
+
+WAY = 0.1  # spacings that walls move on before corners are sought anew: with the same bits after a restart
+STEP = 1e-3  # spacings over which normals are found
+TINY = 0.05  # spacings
+SINE = 0.3  # between normals: walls of less are one face
+
+Reals = NDArray[np.float64]
+Numbers = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Shares:
+    """ids[n]: numbers of particles, ascending, one line for each wall that takes a share. of[n]: that wall.
+    The share of a force F is normal[n, d] (dual[n, d] . F); who owns the particle has what is left.
+    """
+
+    ids: Numbers
+    of: Numbers
+    normal: Reals
+    dual: Reals
+
+    def force(self, lines: Numbers, force: Reals) -> Reals:
+        """[d, k] N: of the forces [d, k] on the particles of some lines, what the walls of these take."""
+        normal, dual = self.normal[lines].T, self.dual[lines].T
+        along = dual[0] * force[0]
+        for part, component in zip(dual[1:], force[1:]):
+            along = along + part * component
+        return normal * along
+
+
+class WallCorners:
+    """The shares at the present places of the walls; `walls`: those that share with a measured one."""
+
+    def __init__(self, walls: Walls) -> None:
+        self.scene, self._now = walls.scene, walls
+        solid = [wall for wall in walls.walls if not wall.rigid]
+        self.pairs = [(a, b) for a, b in itertools.permutations(solid, 2)
+                      if (a.measure_force or b.measure_force) and not (b.moving and b.shape.plane)]  # fmt: skip
+        self.walls = np.isin(np.arange(len(walls.scene.walls)), [b.index for _, b in self.pairs])
+        self._tiny = TINY * walls.scene.spacing
+        self._at: Reals | None = None
+
+    def shares(self) -> Shares:
+        """Found anew where walls have moved."""
+        step = WAY * self.scene.spacing
+        at = np.rint(self._now.displacement / step) * step
+        if self._at is None or not np.array_equal(at, self._at):
+            self._at, self._shares = at, self._found(at)
+        return self._shares
+
+    def _found(self, at: Reals) -> Shares:
+        d = self.scene.dimensions
+        found = [(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, d)), np.zeros((0, d)))]
+        found += [part for a, b in self.pairs for part in self._corner(at, a, b)]
+        numbers, of, owner, normals = map(np.concatenate, zip(*found))
+        order = np.argsort(numbers, kind="stable")
+        numbers, normals = numbers[order], normals[order]
+        return Shares(numbers, of[order], normals, duals(numbers, owner[order], normals))
+
+    def _corner(self, at: Reals, a: Wall, b: Wall) -> Iterator[tuple[Numbers, Numbers, Reals, Reals]]:
+        """Parts of the particles of b that are behind a too: numbers[n], a[n], the normals [n, d] of b and of a before
+        which fluid may be.
+        """
+        scene, reach = self.scene, self.scene.support
+        low, high = (corner + at[a.index] for corner in a.bounds)
+        low, high = np.maximum(low, scene.low) - reach, np.minimum(high, scene.high) + reach
+        numbers, x, _ = b.near(low - at[b.index], high - at[b.index])
+        x = x + at[b.index]
+        left = self._before(at, a, x) < reach
+        ways = np.array(list(itertools.product((-1.0, 0.0, 1.0), repeat=scene.dimensions)))
+        for way in np.concatenate([0.5 * ways, ways]) * reach:
+            numbers, x = numbers[left], x[left]
+            both, n_b, n_a = self._seen(at, a, b, x, way)
+            yield numbers[both], np.full(len(n_a), a.index), n_b, n_a
+            left = ~both
+
+    def _seen(self, at: Reals, a: Wall, b: Wall, x: Reals, way: Reals) -> tuple[NDArray[np.bool_], Reals, Reals]:
+        """Which points x[n, d] are behind a and b from places before both, by `way` off; normals of b and a there."""
+        q = x + way
+        before_a, before_b = self._before(at, a, q), self._before(at, b, q)
+        both = (before_a > 0.0) & (before_b > 0.0) & (np.maximum(before_a, before_b) < self.scene.support)
+        for wall in self._now.walls:
+            if not wall.rigid and wall not in (a, b):
+                both[both] = self._before(at, wall, q[both]) > 0.0
+        x, n_a, n_b = x[both], self._normals(at, a, q[both]), self._normals(at, b, q[both])
+        deep_a, deep_b = _dot(way[None], n_a) - before_a[both], _dot(way[None], n_b) - before_b[both]
+        good = (deep_a > 0.0) & (deep_b > 0.0) & (_dot(n_a, n_b) ** 2 < 1.0 - SINE * SINE)
+        good &= self._before(at, a, x + deep_b[:, None] * n_b) < self._tiny  # the faces end at each other
+        good &= self._before(at, b, x + deep_a[:, None] * n_a) < self._tiny
+        both[both] = good
+        return both, n_b[good], n_a[good]
+
+    def _normals(self, at: Reals, wall: Wall, x: Reals) -> Reals:
+        """[n, d] of a wall, into the fluid, at points x[n, d]."""
+        moves = STEP * self.scene.spacing * np.eye(x.shape[1])
+        slopes = [self._before(at, wall, x + move) - self._before(at, wall, x - move) for move in moves]
+        normal = np.stack(slopes, axis=1)
+        return normal / np.maximum(np.sqrt(_dot(normal, normal)), 1e-300)[:, None]
+
+    def _before(self, at: Reals, wall: Wall, x: Reals) -> Reals:
+        """How far points x[n, d] are before a wall, m; through periodic sides too."""
+        scene = self.scene
+        length = scene.high - scene.low
+        x = np.where(scene.periodic, x - np.floor((x - scene.low) / length) * length, x)
+        return -depth_in_wall(wall, x - at[wall.index])
+
+
+def duals(numbers: Numbers, owner: Reals, normals: Reals) -> Reals:
+    """[n, d]: of the normals of walls, one line for each wall but the owner of a particle, the vectors whose product
+    with a force is its part along each, where the parts along the others are taken off.
+    """
+    line, first, end = np.arange(len(numbers)), *(np.searchsorted(numbers, numbers, side) for side in ("left", "right"))
+    others = [owner]
+    for k in range(int(np.max(end - first, initial=1))):
+        at = first + k
+        other = (at < end) & (at != line)
+        others.append(np.where(other[:, None], normals[np.where(other, at, line)], 0.0))
+    basis: list[Reals] = []
+    for vector in others:
+        rest = _beside(basis, vector)
+        size = np.sqrt(_dot(rest, rest))
+        basis.append(np.where(size > SINE, 1.0, 0.0)[:, None] * rest / np.maximum(size, SINE)[:, None])
+    rest = _beside(basis, normals)
+    return rest / np.maximum(_dot(rest, normals), SINE * SINE)[:, None]
+
+
+def _beside(basis: list[Reals], vector: Reals) -> Reals:
+    """The part [n, d] of vectors that is at right angles to all of a basis."""
+    rest = vector
+    for one in basis:
+        rest = rest - _dot(one, vector)[:, None] * one
+    return rest
+
+
+def _dot(x: Reals, y: Reals) -> Reals:
+    total = x[:, 0] * y[:, 0]
+    for k in range(1, x.shape[1]):
+        total = total + x[:, k] * y[:, k]
+    return total
