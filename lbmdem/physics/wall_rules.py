@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hpcpic.core.simd.formulas import fma, select
-from hpcpic.core.simd.own import note
+from hpcpic.core.simd.own import enter
 from lbmdem.physics.velocity_sets import Lattice
 
 CLI, INTERPOLATED, QUADRATIC, HALFWAY, OWN = range(5)
@@ -70,15 +70,15 @@ def own(q: Any, gi_x: Any, gi_y: Any, gj_x: Any, push: Any) -> Any:
 def register(name: str, formula: Callable[[Any, Any, Any, Any, Any], Any]) -> None:
     """Make a rule known by its name: formula(q, gi_x, gi_y, gj_x, push), linear in all but q, for numbers and vectors.
 
-    One in a process, before anything of the lattice is compiled: ValueError.
+    One in a process, before anything of the lattice is compiled, and under a name of its own: else ValueError.
     """
     global own
     if OWN in (rule.number for rule in RULES.values()) or "lbmdem.kernels" in sys.modules:
         raise ValueError("one wall rule of your own, registered before the first simulation of the process")
-    note(formula)
-    own = formula  # type: ignore[assignment]
     middles = (np.arange(1000) + 0.5) / 1000
-    RULES[name] = WallRule(name, OWN, 1, HALFWAY, 3, -float(np.mean([formula(q, 0.0, 0.0, 0.0, 1.0) for q in middles])))
+    rule = WallRule(name, OWN, 1, HALFWAY, 3, -float(np.mean([formula(q, 0.0, 0.0, 0.0, 1.0) for q in middles])))
+    enter(RULES, "wall rule", name, rule, lambda one: formula if one is rule else returned)
+    own = formula  # type: ignore[assignment]
 
 
 def cli(q: Any, gi_x: Any, gi_y: Any, gj_x: Any, push: Any) -> Any:

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.simd.formulas import VECTORS, fma, maximum
-from hpcpic.core.simd.own import note, same
+from hpcpic.core.simd.own import enter
 
 LEAST_Q = 1e-15  # that is divided by
 ROUGH = 1e-3  # of 1, of the largest slope: what is farther off in a kernel is a mistake
@@ -94,12 +94,8 @@ def register(smoothing: Smoothing) -> None:
     """Make a kernel known by its name. ValueError where another one has it, unless its formulas are defined again, and
     where W has another integral than 1, or f is not its slope.
     """
-    known = SMOOTHING.get(smoothing.name, smoothing)
-    if known != smoothing and (known.w is smoothing.w or not same(known.w, smoothing.w)):
-        raise ValueError(f"there is another kernel {smoothing.name!r}")
     smoothing.require_sound()
-    note(smoothing.w)
-    SMOOTHING[smoothing.name] = smoothing
+    enter(SMOOTHING, "kernel", smoothing.name, smoothing, lambda one: one.w)
 
 
 def cubic_w(r, per_h):

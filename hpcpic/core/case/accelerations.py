@@ -17,7 +17,7 @@ from typing import Any
 
 from hpcpic.core.case.config import Path
 from hpcpic.core.case.own_functions import fault, plain
-from hpcpic.core.simd.own import note, same
+from hpcpic.core.simd.own import enter
 
 Components = tuple[float, float, float]
 Acceleration = Callable[[Components, Components, float], Components]
@@ -30,11 +30,7 @@ def register(name: str, acceleration: Acceleration) -> None:
     """Make an acceleration known by its name. ValueError where one of another name in its module has it: the same
     function may be defined again, as in a notebook.
     """
-    acceleration = plain(acceleration)
-    if not same(ACCELERATIONS.get(name, acceleration), acceleration):
-        raise ValueError(f"there is another acceleration {name!r}")
-    note(acceleration)
-    ACCELERATIONS[name] = acceleration
+    enter(ACCELERATIONS, "acceleration", name, plain(acceleration), lambda one: one)
 
 
 def compiled(name: str) -> Acceleration:

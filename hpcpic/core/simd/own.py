@@ -1,28 +1,58 @@
-"""Files of the user that have registered something, as a kernel or a wall rule. A run keeps a copy of them."""
+"""What cases may name, as smoothing kernels or loaders, also from files of the user: a run keeps a copy of those."""
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 _PACKAGES = tuple(f"{Path(__file__).parents[3] / name}/" for name in ("hpcpic", "sph", "lbmdem"))
 files: set[str] = set()
 typed: set[str] = set()  # names of what stands in no file: in a notebook, or at the prompt
 
 
-def same(one: object, other: object) -> bool:
-    """Whether two functions, or objects of two classes, are one, or one that has been defined again."""
+def enter(
+    registry: dict[str, Any], kind: str, name: str, thing: Any, function: Callable[[Any], Any] | None = None
+) -> None:
+    """Let cases name a thing of this kind. ValueError where another one has the name: it may only be defined again, as
+    in a cell of a notebook that is run twice. function: the one of a thing that tells; by default its class does.
+    """
+    known = registry.get(name, thing)
+    if function:
+        one, other = (_called(function(each)) for each in (known, thing))
+        again = known == thing or (one is not other and _same(one, other))
+    else:
+        again = _same(type(known), type(thing))
+    if not again:
+        raise taken(kind, name)
+    note(function(thing) if function else thing)
+    registry[name] = thing
+
+
+def taken(kind: str, name: str) -> ValueError:
+    """What to raise where another thing of this kind has the name."""
+    return ValueError(f"there is another {kind} {name!r}: give yours another name")
+
+
+def _called(function: Any) -> Any:
+    """What a functools.partial calls; others as they are."""
+    return getattr(function, "func", function)
+
+
+def _same(one: object, other: object) -> bool:
+    """Whether two functions or classes are one, or one that has been defined again."""
     names = [(getattr(part, "__module__", None), getattr(part, "__qualname__", None)) for part in (one, other)]
     return one is other or (names[0] == names[1] and None not in names[0])
 
 
 def shipped(function: object) -> bool:
     """Whether a function comes with this program."""
-    code = getattr(getattr(function, "func", function), "__code__", None)  # of a functools.partial: what it calls
+    code = getattr(_called(function), "__code__", None)
     return code is not None and code.co_filename.startswith(_PACKAGES)
 
 
 def note(thing: object) -> None:
     """Note where a function, or the class of an object, comes from, unless that is this program or no file."""
-    thing = getattr(thing, "func", thing)  # of a functools.partial
+    thing = _called(thing)
     code = getattr(thing, "__code__", None)
     kind = sys.modules.get(type(thing).__module__)
     file = code.co_filename if code else getattr(kind, "__file__", None) or ""

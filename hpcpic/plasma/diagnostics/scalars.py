@@ -20,7 +20,7 @@ from hpcpic.core.case.columns import joined
 from hpcpic.core.case.gauge import gauge_columns
 from hpcpic.core.case.own_functions import arithmetic_fault
 from hpcpic.core.case.schema import Fault
-from hpcpic.core.simd.own import note, same
+from hpcpic.core.simd.own import enter
 from hpcpic.plasma.case.config import PlasmaConfig, mode_columns
 from hpcpic.plasma.physics.moments import SPEED_SQUARED, VELOCITY, Moment
 from hpcpic.plasma.physics.species_fields import field_units
@@ -93,10 +93,6 @@ def register(scalar: Scalar) -> None:
     function is defined again, and of an integrand that kernels cannot take over, or that mixes axes, whose cells may
     differ.
     """
-    known = SCALARS.get(scalar.name, scalar)
-    functions = [getattr(one.value, "func", one.value) for one in (known, scalar)]  # of a functools.partial
-    if known != scalar and (functions[0] is functions[1] or not same(*functions)):
-        raise ValueError(f"there is another scalar {scalar.name!r}: give yours another name")
     for moment in scalar.moments:
         said = arithmetic_fault(moment.integrand)
         if not said and not moment.isotropic:
@@ -104,8 +100,7 @@ def register(scalar: Scalar) -> None:
             said += " a field of species"
         if said:
             raise ValueError(f"scalar {scalar.name!r}: {said}")
-    note(scalar.value)
-    SCALARS[scalar.name] = scalar
+    enter(SCALARS, "scalar", scalar.name, scalar, lambda one: one.value)
 
 
 for column in (

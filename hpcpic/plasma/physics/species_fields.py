@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.case.own_functions import arithmetic_fault, failed_at, place_of
-from hpcpic.core.simd.own import files, note, shipped
+from hpcpic.core.simd.own import enter, files, shipped, taken
 from hpcpic.plasma.case.config import PlasmaConfig, name_of, velocity_components
 from hpcpic.plasma.physics.moments import SPEED_SQUARED, VELOCITY, Moment
 
@@ -86,12 +86,15 @@ SPECIES_FIELDS: dict[str, SpeciesField] = {}  # by name
 
 
 def register(field: SpeciesField) -> None:
-    """Let cases name a field in output.fields. ValueError of an integrand that kernels cannot take over."""
+    """Let cases name a field in output.fields. ValueError where another one has its name, unless its function is
+    defined again, and of an integrand that kernels cannot take over.
+    """
+    if field.name in MESH_FIELDS:
+        raise taken("field", field.name)
     for moment in field.moments:
         if said := arithmetic_fault(moment.integrand):
             raise ValueError(f"field {field.name!r}: {said}")
-    note(field.value)
-    SPECIES_FIELDS[field.name] = field
+    enter(SPECIES_FIELDS, "field", field.name, field, lambda one: one.value)
 
 
 register(SpeciesField("n", "1/m^d", lambda sample: sample.density))

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from hpcpic.core.case.schema import Fault, abridged
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.files.start import arrays, start_faults
-from hpcpic.core.simd.own import note
+from hpcpic.core.simd.own import enter
 from hpcpic.core.space.domain import wrap
 from hpcpic.core.space.rng import normal_quantile, normals, uniforms
 from hpcpic.plasma.case.config import BEFORE, PlasmaConfig, Species, given_velocity, velocity_columns
@@ -317,11 +317,12 @@ EVEN = (Loader.positions, Quiet.positions, Strata.positions)  # as many particle
 
 
 def register(loader: Loader) -> None:
-    """Make a loader known under its name. TypeError of a class, or of something else."""
+    """Make a loader known under its name. TypeError of a class, or of something else; ValueError where a loader of
+    another class has the name, unless that class is defined again.
+    """
     if not isinstance(loader, Loader):
         raise TypeError(f"register takes an object of a class of loaders, as register(Ring()) (got {loader!r})")
-    note(loader)
-    LOADERS[loader.name] = loader
+    enter(LOADERS, "loader", loader.name, loader)
 
 
 for kind in (Loader, Quiet, Strata, OppositeBeams, UniformVelocities, PositionDelta, Arrays, HarmonicTwoElectrons):

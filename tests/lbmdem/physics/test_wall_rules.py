@@ -1,5 +1,7 @@
 """Laws of the wall rules, evaluated by numpy; test_fixed_links compares the compiled ones with these."""
 
+import sys
+
 import numpy as np
 import pytest
 
@@ -61,6 +63,13 @@ def with_if(q, gi_x, gi_y, gj_x, push):
 def test_the_shipped_formulas_pass_what_those_of_users_must(formula):
     names = ("q", "gi_x", "gi_y", "gj_x", "push")
     assert formula_fault(formula, names) == formula_fault(formula, (), names) == ""
+
+
+def test_a_name_belongs_to_one_rule(monkeypatch):
+    monkeypatch.delitem(sys.modules, "lbmdem.kernels", raising=False)  # as before the first simulation
+    with pytest.raises(ValueError, match="another wall rule 'halfway': give yours another name"):
+        wall_rules.register("halfway", wall_rules.cli)
+    assert RULES["halfway"].reach == 0
 
 
 def test_a_rule_that_vectors_cannot_be_taken_by_is_refused_with_its_place(monkeypatch):

@@ -95,6 +95,12 @@ def test_an_integrand_of_more_than_its_arguments_is_not_registered():
     assert "T_x" not in SPECIES_FIELDS
 
 
+@pytest.mark.parametrize("name", ["n", "T", "E"])
+def test_a_name_belongs_to_one_field(name):
+    with pytest.raises(ValueError, match=f"another field '{name}': give yours another name"):
+        register(SpeciesField(name, "J", total))
+
+
 def test_a_case_that_names_it_is_refused_and_one_that_does_not_is_not(monkeypatch):
     monkeypatch.setitem(SPECIES_FIELDS, "T_x", field(total))
     with pytest.raises(ConfigError, match=r"output\.fields: T_x: .*total: must return numbers"):

@@ -44,6 +44,15 @@ def test_a_registered_loader_is_known_to_cases_and_asked_for_its_faults(monkeypa
         configure(loads(CASE, sets=["species[0].particles=101"]))
 
 
+def test_a_name_belongs_to_one_class_of_loaders(monkeypatch):
+    monkeypatch.setattr(loaders, "LOADERS", dict(loaders.LOADERS))
+    loaders.register(Swarm())
+    loaders.register(Swarm())  # as by a cell of a notebook that is run twice
+    monkeypatch.setattr(Swarm, "name", "quiet")
+    with pytest.raises(ValueError, match="another loader 'quiet': give yours another name"):
+        loaders.register(Swarm())
+
+
 def test_a_loader_that_nobody_registered_is_a_fault():
     with pytest.raises(Exception, match="init_method: must be 'random', 'quiet'"):
         configure(loads(CASE))
