@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from functools import partial
 from typing import TYPE_CHECKING
 
 from hpcpic.core.app.app import App, later, named
-from hpcpic.core.case.cases import cases_in
+from hpcpic.core.case.cases import shipped_with
 
 if TYPE_CHECKING:
     from hpcpic.core.run.model import Make
     from lbmdem.case.config import LbmDemConfig
 
-
-def shipped_cases() -> dict[str, Path]:
-    """Name and file of each. `shipped` is package data, in a checkout a link to configs/lbmdem."""
-    return cases_in((Path(__file__).parent / "shipped").resolve())
+shipped_cases = partial(shipped_with, "lbmdem")
 
 
 def until(config: LbmDemConfig, t: float) -> tuple[str, ...]:

@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from functools import partial
 from typing import TYPE_CHECKING
 
 from hpcpic.core.app.app import App, later, named
-from hpcpic.core.case.cases import cases_in
+from hpcpic.core.case.cases import shipped_with
 
 if TYPE_CHECKING:
     from hpcpic.core.run.model import Make
     from hpcpic.plasma.case.config import PlasmaConfig
 
-
+shipped_cases = partial(shipped_with, "hpcpic")
 MOST_CYCLES = 2.0**62  # that a case file can say
-
-
-def shipped_cases() -> dict[str, Path]:
-    """Name and file of each. `shipped` is package data, in a checkout a link to configs/plasma."""
-    return cases_in((Path(__file__).parent / "shipped").resolve())
 
 
 def until(config: PlasmaConfig, t: float) -> tuple[str, ...]:

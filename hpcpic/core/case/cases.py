@@ -74,6 +74,11 @@ def cases_in(folder: Path) -> dict[str, Path]:
     return {path.stem: path for path in sorted(folder.glob("*.conf"))}
 
 
+def shipped_with(program: str) -> dict[str, Path]:
+    """Name and file of each case that comes with a program: package data, in a checkout a link into configs/."""
+    return cases_in((ROOT / SHIPPED[program]).resolve())
+
+
 def find_case(case: str, shipped: Mapping[str, Path]) -> Path:
     """The file of a case given by path or by the name of a shipped case. Raises ConfigError."""
     path = Path(case)
