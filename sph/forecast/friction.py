@@ -31,7 +31,7 @@ def friction(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     numerics, g = config.numerics, float(np.linalg.norm(scene.gravity))
     if numerics.gradient_correction or not config.fluid:
         return
-    part = float(np.interp(numerics.smoothing, *(SHIFTED if numerics.shifting else SHARE)))
+    part = share(numerics.smoothing, bool(numerics.shifting))
     source = f"{part:.2g} of the pressure, where particles pass a solid, measured"
     least = SHIFTED[1][-1]
     cure = f"smoothing = 2.0 with shifting, {least / part:.2g} of it; or " if least < 0.5 * part else ""
@@ -59,6 +59,11 @@ def friction(config: SphConfig, scene: Scene) -> Iterator[Derived]:
         if stress and math.isfinite(value):
             yield judged(name, symbol, value, limit=f"<= {MOST:g}", ok=value <= MOST, legal=True, source=source,
                          cure=cure, key=("numerics", "gradient_correction"))  # fmt: skip
+
+
+def share(smoothing: float, shifting: bool = False) -> float:
+    """The stress over the pressure, by h/dp."""
+    return float(np.interp(smoothing, *(SHIFTED if shifting else SHARE)))
 
 
 def radius_of(wall: Wall) -> float:

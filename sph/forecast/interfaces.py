@@ -14,7 +14,7 @@ import numpy as np
 from hpcpic.core.case.derived import Derived, judged
 from sph.case import geometry
 from sph.case.config import Fluid, SphConfig
-from sph.forecast.friction import SHARE
+from sph.forecast.friction import share
 from sph.setup.flows import StandingWave, flow_of, heights, hydrostatic
 from sph.setup.scene import Scene
 
@@ -42,7 +42,7 @@ def held_back(scene: Scene, lower: Fluid, upper: Fluid, length: float) -> Derive
     """What friction takes of the rate of a wave of this length in m: damping over frequency, or of the growth."""
     numerics, g, falls = scene.config.numerics, float(np.linalg.norm(scene.gravity)), upper.density > lower.density
     best, layer = SMOOTHEST[falls], (GROWS if falls else SWINGS) * scene.spacing
-    part, least = (float(np.interp(ratio, *SHARE)) for ratio in (min(numerics.smoothing, best), best))
+    part, least = share(min(numerics.smoothing, best)), share(best)
     point = np.array(geometry.middle(upper.shape))
     point += scene.gravity / g * (point @ -scene.gravity / g - heights(scene, upper)[0])
     p = float(scene.eos.pressure(hydrostatic(scene, upper, point[None]))[0]) + scene.eos.background
