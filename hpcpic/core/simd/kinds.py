@@ -74,6 +74,14 @@ def shuffle(builder: Any, a: Any, b: Any, lanes_taken: list[int]) -> Any:
     return builder.shuffle_vector(a, b, constant(I32, lanes_taken))
 
 
+def joined(builder: Any, parts: list) -> Any:
+    """One vector of the lanes of several."""
+    while len(parts) > 1:
+        n = parts[0].type.count
+        parts = [shuffle(builder, a, b, list(range(2 * n))) for a, b in zip(parts[::2], parts[1::2])]
+    return parts[0]
+
+
 def splatted(builder: Any, value: Any, n: int) -> Any:
     undefined = ir.Constant(ir.VectorType(value.type, n), ir.Undefined)
     first = builder.insert_element(undefined, value, ir.Constant(I32, 0))

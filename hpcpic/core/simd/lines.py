@@ -11,7 +11,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from hpcpic.core.simd.kinds import I64, KIND, load_from, offset, pointer, shuffle, store_to
+from hpcpic.core.simd.kinds import I64, KIND, joined, load_from, offset, pointer, shuffle, store_to
 
 PIECE = 32  # bytes
 
@@ -61,14 +61,6 @@ def _pieces(m: int, n: int) -> list[tuple[int, int]]:
     return [(first, width) for first in range(0, m, width)]
 
 
-def _joined(builder: Any, parts: list) -> Any:
-    """One vector of the lanes of several."""
-    while len(parts) > 1:
-        n = parts[0].type.count
-        parts = [shuffle(builder, a, b, list(range(2 * n))) for a, b in zip(parts[::2], parts[1::2])]
-    return parts[0]
-
-
 @intrinsic(prefer_literal=True)
 def gather_lines(typing_context, kind, m, base, offsets):
     """m vectors: lane k of vector j is value j of the line at address base + offsets[k] (bytes, int vector).
@@ -84,7 +76,7 @@ def gather_lines(typing_context, kind, m, base, offsets):
             line = ir.VectorType(KIND[vec.dtype], width)
             places = [offset(builder, start, first * vec.size) for start in starts]
             lines = [load_from(builder, place, line, width * vec.size) for place in places]
-            rows = [_joined(builder, lines[row::width]) for row in range(width)]
+            rows = [joined(builder, lines[row::width]) for row in range(width)]
             found += _butterfly(builder, rows, _stages(width))
         return context.make_tuple(builder, sig.return_type, found)
 

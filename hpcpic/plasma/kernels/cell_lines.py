@@ -14,7 +14,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from hpcpic.core.simd.kinds import I32, I64, KIND, llvm, load_from, offset, pointer, shuffle, splatted, store_to
+from hpcpic.core.simd.kinds import I32, I64, KIND, joined, llvm, load_from, offset, pointer, shuffle, splatted, store_to
 
 FIELD, SUMS = 8, 4  # values of a line
 WORDS = 4  # of a register
@@ -104,14 +104,14 @@ def gather_sides(typing_context, kind, base, cells, places):
 
         def halves(lanes: list) -> list:
             parts = [[offset(builder, starts[k], first) for k in lanes] for first in (0, n_bytes)]
-            return [_joined(builder, [load_from(builder, at, half, n_bytes) for at in part]) for part in parts]
+            return [joined(builder, [load_from(builder, at, half, n_bytes) for at in part]) for part in parts]
 
         if vec.size == 8:
             rows = []
             for k in range(vec.n):
                 (a, b), place = halves([k]), pointer(builder, offset(builder, places, vec.size * k), value)
                 rows.append(llvm(builder, "fma", splatted(builder, builder.load(place), FIELD // 2), b, a))
-            rows = [_joined(builder, [rows[k], rows[k + 2]]) for k in (0, 1, 4, 5)]
+            rows = [joined(builder, [rows[k], rows[k + 2]]) for k in (0, 1, 4, 5)]
             low, high = _within_words(builder, rows[:2]), _within_words(builder, rows[2:])
             found = [_words(builder, *pair, words) for words in ((0, 2, 4, 6), (1, 3, 5, 7)) for pair in zip(low, high)]
         else:
@@ -135,20 +135,12 @@ def gather_values(typing_context, kind, m, base, cells, shift):
         line = ir.VectorType(KIND[vec.dtype], n_values)
         starts = [_start(builder, *args[2:4], vec, k, shift.literal_value) for k in range(vec.n)]
         lines = [load_from(builder, start, line, n_values * vec.size) for start in starts]
-        rows = [_joined(builder, lines[row::n_values]) for row in range(n_values)]
+        rows = [joined(builder, lines[row::n_values]) for row in range(n_values)]
         if n_values == 2:
             rows = [shuffle(builder, *rows, [k + j + (k % 2) * (vec.n - 1) for k in range(vec.n)]) for j in range(2)]
         return context.make_tuple(builder, sig.return_type, rows)
 
     return types.UniTuple(vec, n_values)(kind, m, types.int64, types.int64, shift), codegen
-
-
-def _joined(builder: Any, parts: list) -> Any:
-    """One vector of the lanes of several."""
-    while len(parts) > 1:
-        n = parts[0].type.count
-        parts = [shuffle(builder, a, b, list(range(2 * n))) for a, b in zip(parts[::2], parts[1::2])]
-    return parts[0]
 
 
 def _split_f64(builder: Any, lines: list) -> list:
@@ -163,11 +155,11 @@ def _split_f64(builder: Any, lines: list) -> list:
 
 def _split_f32(builder: Any, lines: list) -> list:
     """By word of a line: rows of the words of lines r, r + 4, r + 8, r + 12; a line is two words."""
-    joined = [
+    pairs = [
         shuffle(builder, a, b, list(range(2 * FIELD))) for a, b in zip(lines[:4] + lines[8:12], lines[4:8] + lines[12:])
     ]
     return [
-        [_words(builder, joined[r], joined[4 + r], words) for r in range(4)] for words in ((0, 2, 4, 6), (1, 3, 5, 7))
+        [_words(builder, pairs[r], pairs[4 + r], words) for r in range(4)] for words in ((0, 2, 4, 6), (1, 3, 5, 7))
     ]
 
 
