@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hpcpic.core.app.knobs import Choice, Knob, Knobs, Quantity, Seen
+from hpcpic.core.app.knobs import Choice, Knob, Knobs, Quantity, Seen, reseeded
 from hpcpic.core.case.dump import group_lines
 from hpcpic.core.case.texts import value_text
-from hpcpic.core.study.quantities import interval, mean, reduced
+from hpcpic.core.study.quantities import at_end, grown, interval, mean, reduced
 from lbmdem.case.config import AXES, LbmDemConfig, seeps
 from lbmdem.forecast.driven import between_faces
 from lbmdem.forecast.free_fall import stays
@@ -52,7 +52,7 @@ def knobs_of(config: LbmDemConfig) -> Knobs:
         work=work,
         work_unit="node-updates" if config.fluid else "grain-steps",
         horizon=min(time, (HORIZON_STEPS if config.fluid else DRY_STEPS) * config.time_step),
-        growth=growth,
+        growth=lambda series: grown(series["energy_kinetic" if config.fluid else "energy_kinetic_grains"]),
         seed=reseeded if any(grains.diameters for grains in config.grains) else None,  # only these draw numbers
         seen=seen(config) if config.fluid else None,
     )
@@ -65,10 +65,6 @@ def seen(config: LbmDemConfig) -> Seen:
 def snapshot(time: float) -> tuple[str, ...]:
     """--set list that writes the fields at the end."""
     return (f"output.period.fields={time!r}",)
-
-
-def reseeded(seed: int) -> tuple[str, ...]:
-    return (f"simulation.random_seed={seed}",)
 
 
 def wet(config: LbmDemConfig) -> list[Knob]:
@@ -281,16 +277,3 @@ def curve(name: str, time: float, series: Series) -> np.ndarray:
 
     wanted = np.clip(np.linspace(0.5 * time, time, SAMPLES), series.time[0], series.time[-1])
     return CubicSpline(series.time, series[name])(wanted)
-
-
-def at_end(name: str, time: float, series: Series) -> float:
-    return float(np.interp(time, series.time, series[name]))
-
-
-def growth(series: Series) -> float:
-    """Largest kinetic energy over that at the start; what starts at rest is watched by the guards of the run."""
-    energy = series.get("energy_kinetic", series.get("energy_kinetic_grains"))
-    assert energy is not None
-    if not np.isfinite(energy).all():
-        return math.inf
-    return float(energy.max() / energy[0]) if energy[0] > 0.0 else 1.0

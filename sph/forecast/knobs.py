@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hpcpic.core.app.knobs import Choice, Knob, Knobs, Quantity, Seen
+from hpcpic.core.app.knobs import Choice, Knob, Knobs, Quantity, Seen, reseeded
 from hpcpic.core.case.texts import value_text
+from hpcpic.core.study.quantities import at_end, grown
 from sph.case.config import FRONT, PRESSURE, WALL_PRESSURE, Gauge, SphConfig
 from sph.forecast.plan import counts
 from sph.physics import stability
@@ -46,15 +47,11 @@ def knobs_of(config: SphConfig) -> Knobs:
         work=lambda c: c.simulation.end_time / stability.time_step(c) * sum(counts(c)),
         work_unit="particle-steps",
         horizon=min(time, HORIZON_STEPS * stability.time_step(config)),
-        growth=growth,
+        growth=lambda series: grown(series["energy_kinetic"]),
         seed=reseeded if any(fluid.disorder for fluid in config.fluid) else None,
         shaken=partial(shaken, config),
         seen=seen(config),
     )
-
-
-def reseeded(seed: int) -> tuple[str, ...]:
-    return (f"simulation.random_seed={seed}",)
 
 
 def shaken(config: SphConfig, seed: int) -> tuple[str, ...]:
@@ -225,18 +222,6 @@ def stretch(time: float, series: Series) -> np.ndarray:
     return curve("front_x", time, series) / float(series["front_x"][0])
 
 
-def at_end(name: str, time: float, series: Series) -> float:
-    return float(np.interp(time, series.time, series[name]))
-
-
 def mean(name: str, time: float, series: Series) -> float:
     known = np.isfinite(series[name]) & (series.time >= 0.5 * time)
     return float(series[name][known].mean())
-
-
-def growth(series: Series) -> float:
-    """Largest kinetic energy over that at the start; what starts at rest is watched by the guards of the run."""
-    energy = series["energy_kinetic"]
-    if not np.isfinite(energy).all():
-        return math.inf
-    return float(energy.max() / energy[0]) if energy[0] > 0.0 else 1.0

@@ -18,6 +18,11 @@ def itself(size: float) -> float:
     return size
 
 
+def reseeded(seed: int) -> tuple[str, ...]:
+    """The --set list of another random state."""
+    return (f"simulation.random_seed={seed}",)
+
+
 @dataclass(frozen=True, slots=True)
 class Knob:
     """A continuous setting. In theory its error goes as size^order and the cost of a run as size^-cost.

@@ -165,6 +165,17 @@ def reduced(column: str, measure: Callable, first: float, until: float, series: 
     return measure(*windowed(series, column, first, until))
 
 
+def at_end(column: str, time: float, series: Series) -> float:
+    return float(np.interp(time, series.time, series[column]))
+
+
+def grown(energy: NDArray) -> float:
+    """Largest kinetic energy over that at the start; what starts at rest is watched by the guards of the run."""
+    if not np.isfinite(energy).all():
+        return math.inf
+    return float(energy.max() / energy[0]) if energy[0] > 0.0 else 1.0
+
+
 def interval(column: str, first: float, until: float, series: Series) -> float:
     """Half the 95 % interval of the mean over the window, by the means of BLOCKS parts of it about their own trend: a
     decay or a growth is no noise.

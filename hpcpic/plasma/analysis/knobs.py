@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hpcpic.core.app.knobs import Choice, Knob, Knobs, Quantity, Seen
+from hpcpic.core.app.knobs import Choice, Knob, Knobs, Quantity, Seen, reseeded
 from hpcpic.core.case.texts import value_text
 from hpcpic.plasma.analysis.predictions import Prediction, predict
 from hpcpic.plasma.analysis.series_analysis import Oscillation, fit_oscillation, signed
@@ -65,10 +65,6 @@ def knobs_of(config: PlasmaConfig) -> Knobs:
 def snapshot(time: float) -> tuple[str, ...]:
     """--set list that writes the fields once, at the end."""
     return (f"output.period.fields={time!r}",)
-
-
-def reseeded(seed: int) -> tuple[str, ...]:
-    return (f"simulation.random_seed={seed}",)
 
 
 def quieter(config: PlasmaConfig) -> Iterator[str]:
