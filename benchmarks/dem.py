@@ -25,7 +25,7 @@ from hpcpic.core.tasks.graph import Pool
 from lbmdem.grains.contact_network import contact_count
 from lbmdem.grains.dem import Dem
 from lbmdem.grains.packing import everywhere
-from lbmdem.physics.contact_law import PlaneWall
+from lbmdem.physics.plane_walls import PlaneWall
 
 STEP, STIFFNESS, GRAVITY = 1.5e-4, 2e5, 10.0
 PER_SIDE, APART = 22, 1.02  # spheres along x and y, and their distance at the start

@@ -15,9 +15,8 @@ from hpcpic.core.case.gauge import Gauge
 from hpcpic.core.case.schema import REQUIRED, Lengths, Section, Vector, as_tuple, setting
 from hpcpic.core.case.words import one_of, one_period, one_viscosity
 from hpcpic.core.files.start import Start, arrays, attach_arrays
-from hpcpic.core.physics.contact_law import SHEAR_RATIO, ContactLaw
+from hpcpic.core.physics.contact_law import SHEAR_RATIO, ContactLaw, stable_step
 from lbmdem.case.boundaries import Boundary, Obstacle
-from lbmdem.physics.contact_law import stable_step
 
 AXES = "xyz"
 ACCURATE = 0.2  # of the largest stable step of the contacts, for their accuracy

@@ -7,8 +7,7 @@ touch (whole vectors of LANES), "entries" of pairs in the grains' own lists, "pa
 from collections.abc import Iterator
 
 from hpcpic.core.space.declared import Array
-from lbmdem.physics.contact_law import LANES, ROW
-from lbmdem.sizes import PAIRS_PER_GRAIN
+from lbmdem.sizes import LANES, PAIRS_PER_GRAIN, ROW
 
 GRAINS = (
     Array("id", ("grains",), "int64"),

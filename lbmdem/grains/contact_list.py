@@ -8,7 +8,7 @@ from hpcpic.core.physics.contact_law import ContactLaw
 from hpcpic.core.tasks.arena import Arena
 from lbmdem.kernels.grains import search
 from lbmdem.kernels.grains.arrays import Cells
-from lbmdem.physics.contact_law import LANES
+from lbmdem.sizes import LANES
 
 Springs = tuple[NDArray[np.int64], NDArray[np.float64]]  # ids [m, 2] (smaller first), tangential springs [m, 3] m
 

@@ -23,9 +23,9 @@ from lbmdem.grains.own_accelerations import Own, OwnAccelerations
 from lbmdem.kernels.grains import contact_forces, films, motion
 from lbmdem.kernels.grains.arrays import Box, Contacts, Frame, GrainArrays, GrainLists, Pushed
 from lbmdem.kernels.grains.substeps import distance_moved, substeps, wall_distance
-from lbmdem.physics.contact_law import LANES, PlaneWall, wall_rows
 from lbmdem.physics.lubrication import Film
-from lbmdem.sizes import GRAINS_OF_ONE_THREAD, parts_of
+from lbmdem.physics.plane_walls import PlaneWall, wall_rows
+from lbmdem.sizes import GRAINS_OF_ONE_THREAD, LANES, parts_of
 
 WALL_SUBSTEPS = 512  # substeps for which the planes' places are made at a time
 MIN_SKIN, MAX_SKIN = 0.02, 0.5  # of the smallest radius

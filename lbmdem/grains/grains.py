@@ -24,8 +24,7 @@ from hpcpic.core.space.records import pack_rows, record_type, unpack_rows
 from hpcpic.core.tasks.arena import Arena
 from lbmdem.grains.arrays import DRIVEN, GRAINS
 from lbmdem.grains.contact_list import Springs
-from lbmdem.physics.contact_law import ROW
-from lbmdem.sizes import MAX_REPLICATED
+from lbmdem.sizes import MAX_REPLICATED, ROW
 
 X, V, OMEGA, TURN = 0, 4, 8, 12  # first values of a row: position and radius, velocity, angular velocity, orientation
 COLUMNS, MORE = (  # types and shapes; the second of scenes with accelerations of the user's own

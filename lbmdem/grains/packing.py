@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import ConfigError
-from hpcpic.core.physics.contact_law import SHEAR_RATIO, ContactLaw
+from hpcpic.core.physics.contact_law import SHEAR_RATIO, ContactLaw, stable_step
 from hpcpic.core.simd.caches import Store
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.space.products import product
@@ -26,7 +26,7 @@ from hpcpic.core.tasks.graph import Pool
 from lbmdem.case.config import GrainSet, LbmDemConfig, contact_law
 from lbmdem.grains.contact_network import energies, greatest_overlap, wall_force
 from lbmdem.grains.dem import Dem
-from lbmdem.physics.contact_law import PlaneWall, stable_step
+from lbmdem.physics.plane_walls import PlaneWall
 from lbmdem.setup.overlap_survey import law_diameters, packed_space, packing_ends, solid_volume
 
 log = logging.getLogger("hpcpic.lbmdem")

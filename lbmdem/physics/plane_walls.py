@@ -1,6 +1,4 @@
-"""The contacts [1] of Mansouri et al. 2011: walls, and the largest stable step of grains; the law of one contact is in
-`hpcpic.core.physics.contact_law`.
-"""
+"""Plane walls that grains meet; the law of a contact [1] is in `hpcpic.core.physics.contact_law`."""
 
 import math
 from collections.abc import Sequence
@@ -9,10 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hpcpic.core.physics.contact_law import ContactLaw
-
-ROW = 16  # values of a grain (x y z radius, v and inverse mass, omega and inverse inertia, orientation) or a plane
-LANES = 8  # contacts whose forces are found at a time
+from lbmdem.sizes import ROW
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,24 +49,3 @@ def wall_rows(walls: Sequence[PlaneWall], times: NDArray) -> NDArray[np.float64]
     for k, wall in enumerate(walls):
         rows[:, k] = wall.rows(times)
     return rows
-
-
-def stable_step(law: ContactLaw, radius: NDArray, mass: NDArray, inertia: NDArray, contacts: float = 0.0) -> float:
-    """Largest stable step (s) of grains that move: a bound for the lightest of them among its equals.
-
-    contacts: how many act along one direction; by default the most that equal discs (3) or spheres (4.5) can have:
-    contacts are 60 degrees apart, and one at an angle a counts cos^2 a. Neighbours in antiphase act as half the mass.
-    Tangential springs and dashpots, twice as many along a direction or about an axis, are added.
-    """
-    if len(mass) == 0:
-        return math.inf
-    k = int(np.argmin(mass))
-    planar = inertia[k] > 0.45 * mass[k] * radius[k] ** 2
-    contacts = contacts or (3.0 if planar else 4.5)
-    normal = 2.0 / mass[k]  # 1/kg: 1 / reduced mass of two of them, along the normal
-    tangential = 2.0 * (normal + 2.0 * radius[k] ** 2 / inertia[k])  # 1/kg: along the contact, both turn; twice as many
-    # 1/s2: stiffness of all springs over the reduced mass
-    spring = contacts * (law.stiffness * normal + law.shear * tangential)
-    # 1/s: viscosity of all dashpots over the reduced mass
-    dashpot = contacts * (2.0 * law.damping * math.sqrt(law.stiffness * normal) + law.viscosity * tangential)
-    return 2.0 / (dashpot + math.sqrt(dashpot**2 + spring))

@@ -6,7 +6,7 @@ import numpy as np
 
 from hpcpic.core.space.products import product
 from lbmdem.case.config import AXES, LbmDemConfig
-from lbmdem.physics.contact_law import PlaneWall
+from lbmdem.physics.plane_walls import PlaneWall
 from lbmdem.setup.scene import Scene
 
 

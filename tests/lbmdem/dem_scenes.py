@@ -10,7 +10,7 @@ from hpcpic.core.space.domain import Domain, even_cuts
 from hpcpic.core.space.rng import uniforms
 from hpcpic.core.tasks.graph import Pool
 from lbmdem.grains.dem import Dem
-from lbmdem.physics.contact_law import PlaneWall
+from lbmdem.physics.plane_walls import PlaneWall
 
 STIFFNESS, RADIUS, DENSITY = 1.0e4, 0.05, 2000.0
 

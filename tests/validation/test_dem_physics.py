@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hpcpic.core.physics.contact_law import ContactLaw
+from hpcpic.core.physics.contact_law import ContactLaw, stable_step
 from hpcpic.core.space.domain import Domain, even_cuts
 from hpcpic.core.tasks.graph import Pool
 from lbmdem.grains.contact_network import contacts, energies, momentum
 from lbmdem.grains.dem import Dem
 from lbmdem.grains.packing import Sample, beta_diameters, grow, solid_volume
-from lbmdem.physics.contact_law import PlaneWall, stable_step
+from lbmdem.physics.plane_walls import PlaneWall
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "lbmdem"))
 from dem_scenes import RADIUS, STIFFNESS, box, by_id, cloud, grains

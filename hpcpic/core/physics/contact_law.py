@@ -9,6 +9,9 @@ the contact. dt: the time step (s).
 import math
 from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from hpcpic.core.simd.formulas import fma, maximum, minimum, select, sqrt
 
 Vector = tuple[Any, Any, Any]
@@ -156,3 +159,24 @@ def step_limit(damping: float, contacts: float) -> float:
     2 alpha z sqrt(k m), velocities predicted by the old acceleration).
     """
     return 4.0 * (math.sqrt(damping**2 + 0.25 / contacts) - damping)
+
+
+def stable_step(law: ContactLaw, radius: NDArray, mass: NDArray, inertia: NDArray) -> float:
+    """Largest stable step (s) of grains that move: a bound for the lightest of them among its equals.
+
+    As many contacts act along one direction as equal discs (3) or spheres (4.5) can have: they are 60 degrees apart,
+    and one at an angle a counts cos^2 a. Neighbours in antiphase act as half the mass. Tangential springs and dashpots,
+    twice as many along a direction or about an axis, are added.
+    """
+    if len(mass) == 0:
+        return math.inf
+    k = int(np.argmin(mass))
+    planar = inertia[k] > 0.45 * mass[k] * radius[k] ** 2
+    contacts = 3.0 if planar else 4.5
+    normal = 2.0 / mass[k]  # 1/kg: 1 / reduced mass of two of them, along the normal
+    tangential = 2.0 * (normal + 2.0 * radius[k] ** 2 / inertia[k])  # 1/kg: along the contact, both turn; twice as many
+    # 1/s2: stiffness of all springs over the reduced mass
+    spring = contacts * (law.stiffness * normal + law.shear * tangential)
+    # 1/s: viscosity of all dashpots over the reduced mass
+    dashpot = contacts * (2.0 * law.damping * math.sqrt(law.stiffness * normal) + law.viscosity * tangential)
+    return 2.0 / (dashpot + math.sqrt(dashpot**2 + spring))

@@ -30,7 +30,7 @@ from hpcpic.core.simd.vector import (
     store_lines,
 )
 from lbmdem.kernels.grains.films import resistance, shear_resistance
-from lbmdem.physics.contact_law import LANES, ROW
+from lbmdem.sizes import LANES, ROW
 
 ROW_BYTES, LINE_BYTES = 8 * ROW, 64
 SLOTS_AHEAD = 2 * LANES  # rows of second grains are prefetched: first ones follow each other, these lie anywhere

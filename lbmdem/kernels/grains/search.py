@@ -4,7 +4,7 @@ import numpy as np
 
 from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.vector import Vec, address_of, bitmask, first_bit, load, load_at, rint
-from lbmdem.physics.contact_law import LANES
+from lbmdem.sizes import LANES
 
 F, I = Vec(LANES, "float64"), Vec(LANES, "int64")
 FAR = 1 << 40  # cell numbers of a grain thrown away stay integers

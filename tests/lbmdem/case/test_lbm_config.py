@@ -11,14 +11,13 @@ from hpcpic.core.case.config import leaves, load, loads
 from hpcpic.core.case.derived import enforce
 from hpcpic.core.case.dump import dump
 from hpcpic.core.errors import ConfigError
-from hpcpic.core.physics.contact_law import ContactLaw
+from hpcpic.core.physics.contact_law import ContactLaw, stable_step
 from lbmdem.app import shipped_cases
 from lbmdem.case.config import Diameters, LbmDemConfig, contact_step, lightest
 from lbmdem.configure import configure
 from lbmdem.forecast.derived import derived
 from lbmdem.forecast.estimate import estimate
 from lbmdem.forecast.plan import plan
-from lbmdem.physics.contact_law import stable_step
 from lbmdem.physics.velocity_sets import CS2
 from lbmdem.setup.overlap_survey import law_diameters, law_volume, solid_volume
 

@@ -22,7 +22,7 @@ from lbmdem.grains.contact_network import (
     stress,
     wall_force,
 )
-from lbmdem.physics.contact_law import PlaneWall
+from lbmdem.physics.plane_walls import PlaneWall
 
 DATA = Path(__file__).parents[2] / "data"
 G = 9.81

@@ -12,7 +12,7 @@ from hpcpic.core.run.balance import PERIOD
 from hpcpic.core.tasks.graph import Pool
 from lbmdem.configure import configure
 from lbmdem.forecast.estimate import estimate
-from lbmdem.physics.contact_law import PlaneWall
+from lbmdem.physics.plane_walls import PlaneWall
 from lbmdem.sizes import STEPS_PER_CALL
 
 CASE = """

@@ -10,11 +10,11 @@ import pytest
 from dem_scenes import RADIUS, STIFFNESS, box, by_id, dem, grains
 
 from hpcpic.core.physics import contact_law
-from hpcpic.core.physics.contact_law import ContactLaw, deepest_overlap, regularised_friction, step_limit
+from hpcpic.core.physics.contact_law import ContactLaw, deepest_overlap, regularised_friction, stable_step, step_limit
 from lbmdem.grains.contact_network import contact_count, energies
 from lbmdem.grains.dem import Dem
-from lbmdem.physics.contact_law import PlaneWall, stable_step
 from lbmdem.physics.lubrication import Film
+from lbmdem.physics.plane_walls import PlaneWall
 
 TABLE = Path(__file__).parents[2] / "data" / "dem_restitution.csv"
 FRICTION = ContactLaw(STIFFNESS, 0.2, 0.3, 1.0)

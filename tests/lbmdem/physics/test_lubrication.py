@@ -11,8 +11,8 @@ from scipy.integrate import quad
 from hpcpic.core.physics.contact_law import ContactLaw
 from lbmdem.forecast.derived import derived
 from lbmdem.grains.dem import Dem
-from lbmdem.physics.contact_law import PlaneWall
 from lbmdem.physics.lubrication import ROUGHNESS, STABLE, Film
+from lbmdem.physics.plane_walls import PlaneWall
 
 
 def squeezed(gap, radius, dimensions):

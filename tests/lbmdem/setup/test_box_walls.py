@@ -5,13 +5,14 @@ import pytest
 from dem_scenes import box, grains
 
 from hpcpic.core.case.config import loads
+from hpcpic.core.physics.contact_law import ContactLaw
 from lbmdem.configure import configure
 from lbmdem.forecast.derived import derived
 from lbmdem.forecast.free_fall import impact_speed
 from lbmdem.grains.contact_network import wall_force
 from lbmdem.grains.dem import Dem
-from lbmdem.physics.contact_law import ContactLaw, PlaneWall
 from lbmdem.physics.lubrication import Film
+from lbmdem.physics.plane_walls import PlaneWall
 from lbmdem.setup.box_walls import box_walls
 from lbmdem.setup.scene import Scene
 
