@@ -72,6 +72,16 @@ def world():
     return World.start()
 
 
+@pytest.fixture(scope="module")
+def pool():
+    """One thread."""
+    from hpcpic.core.tasks.graph import Pool
+
+    made = Pool(1)
+    yield made
+    made.close()
+
+
 def _mount(folder: Path) -> bool:
     """A file system of 3 MB, if this process may."""
     words = ["mount", "-t", "tmpfs", "-o", "size=3m", "tmpfs", str(folder)]

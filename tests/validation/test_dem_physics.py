@@ -10,7 +10,6 @@ import pytest
 
 from hpcpic.core.physics.contact_law import ContactLaw, stable_step
 from hpcpic.core.space.domain import Domain, even_cuts
-from hpcpic.core.tasks.graph import Pool
 from lbmdem.grains.contact_network import contacts, energies, momentum
 from lbmdem.grains.dem import Dem
 from lbmdem.grains.packing import Sample, beta_diameters, grow, solid_volume
@@ -21,11 +20,6 @@ from dem_scenes import RADIUS, STIFFNESS, box, by_id, cloud, grains
 
 pytestmark = pytest.mark.validation
 TABLE = Path(__file__).parent.parent / "data" / "dem_restitution.csv"
-
-
-@pytest.fixture(scope="module")
-def pool():
-    return Pool(1)
 
 
 def rebounds(world, pool, law, part):

@@ -7,7 +7,6 @@ import pytest
 from app_runner import running
 
 from hpcpic.core.space.domain import Domain, even_cuts
-from hpcpic.core.tasks.graph import Pool
 from lbmdem.app import shipped_cases
 from lbmdem.coupling.immersed import Immersed
 from lbmdem.fluid.fluid import Fluid
@@ -15,13 +14,6 @@ from lbmdem.physics.lubrication import Film
 from lbmdem.physics.velocity_sets import D3Q19
 
 pytestmark = pytest.mark.validation
-
-
-@pytest.fixture(scope="module")
-def pool():
-    pool = Pool(1)
-    yield pool
-    pool.close()
 
 
 def brenner(gap: float) -> float:

@@ -44,13 +44,6 @@ WATERS = water(spacing=0.005), water(high=(1, 2), top=(0.5, 1.0), spacing=0.005)
 FLOWS = flow((128, 128)), flow((128, 256))
 
 
-@pytest.fixture(scope="module")
-def pool():
-    made = Pool(1)
-    yield made
-    made.close()
-
-
 def planned(case, ranks=1):
     app, config = scenes.app_and_config(case)
     return app.plan(config, ranks, 1)

@@ -74,13 +74,6 @@ def check_forward_and_back(world, pool, points, dtype, **options):
     return spectrum
 
 
-@pytest.fixture(scope="module")
-def pool():
-    pool = Pool(1)
-    yield pool
-    pool.close()
-
-
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
 @pytest.mark.parametrize("points", [*LINES, *SHAPES])
 def test_spectrum_and_round_trip(pool, points, dtype):

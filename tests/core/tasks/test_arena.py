@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from hpcpic.core.simd.compile import njit
 from hpcpic.core.space.declared import Array
 from hpcpic.core.tasks.arena import Arena
-from hpcpic.core.tasks.graph import Graph, Pool
+from hpcpic.core.tasks.graph import Graph
 
 DECLARED = (
     Array("x", ("d", "slots"), "float64", "m", "positions"),
@@ -29,13 +29,6 @@ def add(sums, bodies, factor, n):
         if bodies.flags[i]:
             sums[0] += factor * bodies.x[0, i]
             sums[1] += 1.0
-
-
-@pytest.fixture
-def pool():
-    made = Pool(1)
-    yield made
-    made.close()
 
 
 def filled() -> Arena:

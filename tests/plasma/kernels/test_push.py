@@ -7,7 +7,6 @@ import pytest
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import Diverged
 from hpcpic.core.space.domain import Domain
-from hpcpic.core.tasks.graph import Pool
 from hpcpic.plasma.diagnostics.scalars import moments
 from hpcpic.plasma.particles.cloud import Cloud
 from hpcpic.plasma.particles.push_spec import WHOLE_BITS, PushSpec
@@ -37,13 +36,6 @@ def free(d, shape):
     """Without a field, in the precision that is compiled by default."""
     dtype = np.float64 if shape == "TSC" or d == 3 else np.float32
     return PushSpec(d, SHAPES[shape], d, 2 if (d, shape) == (3, "CIC") else 0, dtype, moments())
-
-
-@pytest.fixture(scope="module")
-def pool():
-    pool = Pool(1)
-    yield pool
-    pool.close()
 
 
 def linear(dtype, velocities=2, rotation=0):
