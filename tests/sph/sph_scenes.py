@@ -27,7 +27,7 @@ numerics = {{ spacing = {spacing}; smoothing = {smoothing}; kernel = "{kernel}";
 {more}
 """
 
-
+TANK = {"size": (1.0, 1.2), "fill": (1.0, 0.5), "spacing": 0.1}
 EXTRAPOLATED = re.compile("extrapolated|body = ")  # walls whose density follows from the fluid
 
 
@@ -108,6 +108,12 @@ def tank(d=2, kind="pressure-continuity", size=1.0, more=""):
     high = [float(value) for value in np.broadcast_to(size, d)]
     return f"""wall = ( {{ name = "tank"; type = "{kind}"; measure_force = true; {more}
         shape = {{ box = {{ low = {[0.0] * d}; high = {high}; open = ["{"xyz"[d - 1]}+"]; }}; }}; }} );"""
+
+
+def water(**settings):
+    """Water at rest in a tank, open on top; one kind of scene, so that it is compiled once."""
+    chosen = TANK | settings
+    return engine(more=tank(2, size=chosen["size"]), **chosen)
 
 
 def column(sph, name):

@@ -4,17 +4,9 @@ import logging
 
 import numpy as np
 import pytest
-from sph_scenes import column, engine, jitter, tank
+from sph_scenes import TANK, column, engine, jitter, tank, water
 
 from hpcpic.core.errors import Diverged
-
-TANK = {"size": (1.0, 1.2), "fill": (1.0, 0.5), "spacing": 0.1}
-
-
-def water(**settings):
-    """Water at rest in a tank, open on top; one kind of scene, so that it is compiled once."""
-    chosen = TANK | settings
-    return engine(more=tank(2, size=chosen["size"]), **chosen)
 
 
 def fluid(sph):

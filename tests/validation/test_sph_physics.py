@@ -63,6 +63,11 @@ class Done:
         return np.array([row[name] for row in self.rows])
 
 
+def decaying(t, height, damping, frequency, phase, level):
+    """A damped oscillation about a level."""
+    return height * np.exp(-damping * t) * np.cos(frequency * t + phase) + level
+
+
 def told(name: str, value: float, words: str) -> float:
     """Print a measured figure beside what is asked of it (pytest -s shows the table)."""
     print(f"{name:<64}{value:>14.6g}   {words}")
@@ -368,10 +373,7 @@ def test_waves_in_a_tank_have_their_period_unless_neighbours_are_few(world, smoo
     omega = np.sqrt(9.81 * k * np.tanh(k * 0.5))
     first = 0.02, 0.1, omega, 0.0, 0.5
 
-    def swing(t, height, damping, frequency, phase, level):
-        return height * np.exp(-damping * t) * np.cos(frequency * t + phase) + level
-
-    (_, damping, found, *_), _ = curve_fit(swing, done.t, done.series("side"), first)
+    (_, damping, found, *_), _ = curve_fit(decaying, done.t, done.series("side"), first)
     told(f"second mode of a tank, {smoothing or 'default h/dp'} period over theory - 1", omega / found - 1, "1 %")
     told("... damping, 1/s", damping, "")
     assert omega / found - 1 == pytest.approx(error, abs=0.006)
@@ -399,10 +401,7 @@ def test_a_viscous_wave_is_damped(world, form, damped):
     s = np.roots([1, 0, 2, -4, 1 + 9.81 * k / (nu * k * k) ** 2])  # n + nu k2 = nu k2 s2
     rates = [-(nu * k * k * (z * z - 1)).real for z in s if z.real > 0]
 
-    def swing(t, height, damping, frequency, phase, level):
-        return height * np.exp(-damping * t) * np.cos(frequency * t + phase) + level
-
     late = done.t > 0.3
     first = 0.03, rates[0], np.sqrt(9.81 * k), 0.0, 1.0
-    (_, found, *_), _ = curve_fit(swing, done.t[late], done.series("crest")[late], first)
+    (_, found, *_), _ = curve_fit(decaying, done.t[late], done.series("crest")[late], first)
     assert told(f"viscous wave, {form}: damping over theory", found / rates[0], "1") == pytest.approx(damped, abs=0.03)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from scipy.optimize import curve_fit, newton
-from test_sph_physics import Done, told
+from test_sph_physics import Done, decaying, told
 
 from sph.analysis.theory import cushioned_fall
 from sph.forecast.interfaces import interfaces
@@ -213,10 +213,7 @@ def test_a_viscous_wave_on_two_layers_is_damped(world, monkeypatch, form, damped
     monkeypatch.setattr(StandingWave, "velocity", staticmethod(of_the_surface))  # else that of the interface
     done = Done(world, VISCOUS_LAYERS.format(form=form, nu=nu, light=light), period=0.01)
 
-    def swing(t, height, damping, frequency, phase, level):
-        return height * np.exp(-damping * t) * np.cos(frequency * t + phase) + level
-
     late, first = done.t > 0.3, (0.03, -root.real, root.imag, -np.pi / 2, 1.0)
-    (_, found, *_), _ = curve_fit(swing, done.t[late], done.series("crest")[late], first)
+    (_, found, *_), _ = curve_fit(decaying, done.t[late], done.series("crest")[late], first)
     ratio = told(f"wave on two layers, {form}: damping over theory", -found / root.real, "1")
     assert ratio == pytest.approx(damped, abs=0.03)

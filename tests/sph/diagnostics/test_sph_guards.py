@@ -2,18 +2,12 @@
 
 import numpy as np
 import pytest
-from sph_scenes import engine, jitter, tank
+from sph_scenes import TANK, engine, jitter, tank, water
 
 from hpcpic.core.errors import Diverged
 from sph.physics import stability
 
-TANK = {"size": (1.0, 1.2), "fill": (1.0, 0.5), "spacing": 0.1}
 BEFORE = 5  # steps
-
-
-def water(**settings):
-    chosen = TANK | settings
-    return engine(more=tank(2, size=chosen["size"]), **chosen)
 
 
 def attacked(sph, attack, steps=100, every=50):

@@ -2,18 +2,11 @@
 
 import numpy as np
 import pytest
-from sph_scenes import config, engine, listed, tank, torn
+from sph_scenes import config, engine, listed, tank, torn, water
 
 from hpcpic.core.errors import Diverged
 from sph.particles.strays import MAX_DENSITY_ERROR, most_strays
 from sph.setup.scene import Scene
-
-TANK = {"size": (1.0, 1.2), "fill": (1.0, 0.5), "spacing": 0.1}
-
-
-def water(**settings):
-    chosen = TANK | settings
-    return engine(more=tank(2, size=chosen["size"]), **chosen)
 
 
 def run(sph, steps):
