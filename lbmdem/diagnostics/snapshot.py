@@ -7,6 +7,7 @@ from hpcpic.core.comm.world import World
 from hpcpic.core.files.arrays import Column, FieldArray, ParticleArray, Rows, Shard
 from hpcpic.core.files.sealed import Reader
 from hpcpic.core.run.worst import worst_nodes, worst_particles
+from hpcpic.core.space.shapes import in_three
 from lbmdem.coupling.immersed import Immersed
 from lbmdem.fluid.fluid import Fluid
 from lbmdem.grains.dem import Dem
@@ -76,20 +77,15 @@ def grain_columns(
         x, v, omega = table.x[ids], table.v[ids], table.omega[ids]
         turned = np.zeros(len(ids)) if planar else np.tile([1.0, 0.0, 0.0, 0.0], (len(ids), 1))
     turning = np.column_stack([np.zeros((len(ids), 2)), omega]) if planar else omega
-    columns = {"id": ids, "x": spatial(x), "velocity": spatial(v), "angular_velocity": turning}
+    columns = {"id": ids, "x": in_three(x), "velocity": in_three(v), "angular_velocity": turning}
     if immersed:
         force, torque = immersed.all_forces(len(table))
         torque = (np.pad(torque, ((0, 0), (2, 0))) if planar else torque) * scene.units.torque
-        columns |= {"fluid_force": spatial(force * scene.units.force)[ids], "fluid_torque": torque[ids]}
+        columns |= {"fluid_force": in_three(force * scene.units.force)[ids], "fluid_torque": torque[ids]}
     if dem:
         columns["contact_force"] = dem.grains.columns["force"][: dem.grains.n, :3].copy()
     size = {"radius": table.radius[ids], "mass": table.mass[ids]}
     return columns | {"angle" if planar else "orientation": turned} | size
-
-
-def spatial(vectors: NDArray) -> NDArray[np.float64]:
-    """Vectors [n, d] with three components."""
-    return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
 
 
 def state(

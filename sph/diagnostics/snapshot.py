@@ -1,10 +1,10 @@
 """The particles of an SPH run as others see them: of this rank, absolute, in physical order of axes."""
 
-import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.files.arrays import ParticleArray
 from hpcpic.core.run.worst import worst_particles
+from hpcpic.core.space.shapes import in_three
 from sph.particles.pair_sums import PairSums
 from sph.particles.storage import Slots, Storage
 from sph.physics.smoothing import SMOOTHING
@@ -31,14 +31,14 @@ def particles(storage: Storage, sums: PairSums | None = None) -> dict[str, Parti
     for name, slots in chosen.items():
         own = particles_at(storage, slots)
         columns = {
-            "velocity": three(own["v"]),
+            "velocity": in_three(own["v"]),
             "pressure": scene.eos.pressure(own["drho"]) + scene.eos.background - scene.untold,
             "density": own["relative"] * own["dense"],
             "mass": own["m"],
         }
         if sums:
             columns |= moments(storage, sums, slots, is_fluid=name in names)
-        found[name] = ParticleArray(own["id"], three(own["x"]), columns, units, kept_single=True)
+        found[name] = ParticleArray(own["id"], in_three(own["x"]), columns, units, kept_single=True)
     return found
 
 
@@ -52,8 +52,8 @@ def moments(storage: Storage, sums: PairSums, slots: Slots, is_fluid: bool) -> d
         rest = storage.m[slots] / storage.relative_density(slots)
         own = rest / storage.compressed_density(slots) / scene.h**scene.dimensions
         found["m0"] += own * SMOOTHING[scene.kernel].value(0.0, scene.dimensions)
-    rows = {f"slope_1{axis}": three(found["slope1"][:, k]) for k, axis in enumerate("xyz"[: scene.dimensions])}
-    return {"moment_0": found["m0"], "moment_1": three(found["m1"]), "slope_0": three(found["slope0"])} | rows
+    rows = {f"slope_1{axis}": in_three(found["slope1"][:, k]) for k, axis in enumerate("xyz"[: scene.dimensions])}
+    return {"moment_0": found["m0"], "moment_1": in_three(found["m1"]), "slope_0": in_three(found["slope0"])} | rows
 
 
 def worst(storage: Storage) -> list[str]:
@@ -71,8 +71,3 @@ def particles_at(storage: Storage, slots: Slots) -> dict[str, NDArray]:
     found |= {"drho": storage.drho[slots], "m": storage.m[slots], "relative": relative}
     found |= {"dense": storage.compressed_density(slots), "gas": storage.is_gas(slots)}
     return found | {"rest": found["m"] / relative}
-
-
-def three(x: NDArray) -> NDArray[np.float64]:
-    """x[n, d] with zeros behind: [n, 3]."""
-    return np.pad(x, ((0, 0), (0, 3 - x.shape[1])))

@@ -13,12 +13,12 @@ Distances = NDArray[np.float64]
 def box(x: NDArray, low: ArrayLike, high: ArrayLike) -> Distances:
     """From a box between two corners."""
     beyond = np.maximum(low - x, x - high)
-    return _length(np.maximum(beyond, 0.0)) + np.minimum(beyond.max(axis=1), 0.0)
+    return lengths(np.maximum(beyond, 0.0)) + np.minimum(beyond.max(axis=1), 0.0)
 
 
 def ball(x: NDArray, centre: ArrayLike, radius: float) -> Distances:
     """From a sphere; in 2D from a disc."""
-    return _length(x - np.asarray(centre)) - radius
+    return lengths(x - np.asarray(centre)) - radius
 
 
 def cylinder(x: NDArray, base: ArrayLike, top: ArrayLike, radius: float) -> Distances:
@@ -27,7 +27,7 @@ def cylinder(x: NDArray, base: ArrayLike, top: ArrayLike, radius: float) -> Dist
     axis = unit(top - base)
     relative = x - (base + top) / 2
     along = product(relative, axis)
-    across = _length(relative - along[:, None] * axis) - radius
+    across = lengths(relative - along[:, None] * axis) - radius
     beyond = np.abs(along) - float(np.sqrt(np.sum((top - base) ** 2)) / 2)
     outside = np.hypot(np.maximum(across, 0.0), np.maximum(beyond, 0.0))
     return outside + np.minimum(np.maximum(across, beyond), 0.0)
@@ -44,5 +44,11 @@ def unit(v: ArrayLike) -> NDArray[np.float64]:
     return v / np.sqrt(np.sum(v * v))
 
 
-def _length(x: NDArray) -> Distances:
+def lengths(x: NDArray) -> Distances:
+    """Lengths [n] of the vectors x[n, d]."""
     return np.sqrt(np.sum(x * x, axis=1))
+
+
+def in_three(x: NDArray) -> NDArray[np.float64]:
+    """Vectors x[n, d] with three components, of which those beyond d are 0."""
+    return np.pad(x, ((0, 0), (0, 3 - x.shape[1])))

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.physics.contact_law import damping_of
+from hpcpic.core.space.shapes import in_three
 from sph.kernels.contacts import Solids, Touches
 from sph.particles.walls import Walls
 from sph.physics.timestep import Clock
@@ -53,11 +54,6 @@ class Places:
     film: list[Reals] = field(default_factory=list)
 
 
-def padded(x: NDArray) -> Reals:
-    """x[n, d] as [n, 3]."""
-    return np.pad(x, ((0, 0), (0, 3 - x.shape[1])))
-
-
 class Contacts:
     """origin[wall, 3]: the point O of each solid at t = 0, about which it turns; of the spheres near others, keys[n],
     friction springs[n, 3] m and the distance film[n] at which each touches, m.
@@ -69,7 +65,7 @@ class Contacts:
         self.spheres = {wall.index: spheres(wall.shape, self.scene.spacing) for wall in self.scene.walls if wall.rigid}
         self.radius = np.zeros(len(self.scene.walls))
         for k, (x, radius) in self.spheres.items():
-            self.radius[k] = np.max(np.sqrt(np.sum((padded(x) - origin[k]) ** 2, axis=1)) + radius)
+            self.radius[k] = np.max(np.sqrt(np.sum((in_three(x) - origin[k]) ** 2, axis=1)) + radius)
         self._last: tuple[Reals, Reals] | None = None
         self.take(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0))
 
@@ -156,10 +152,10 @@ class Contacts:
                 found.key.append(((number * SIDES + side) * FACES + face) * SPHERES + near)
                 found.first.append(np.full(len(near), a.index))
                 found.second.append(np.full(len(near), b.index))
-                found.arm.append(padded(own[near]) - self.origin[a.index])
-                found.foot.append(padded(at[near] - apart[near, None] * n) - self.origin[b.index])
-                found.normal.append(padded(n))
-                found.shift.append(padded(np.broadcast_to(shift, (len(near), len(shift)))))
+                found.arm.append(in_three(own[near]) - self.origin[a.index])
+                found.foot.append(in_three(at[near] - apart[near, None] * n) - self.origin[b.index])
+                found.normal.append(in_three(n))
+                found.shift.append(in_three(np.broadcast_to(shift, (len(near), len(shift)))))
                 found.radius.append(radius[near])
                 found.film.append(np.clip(gap[near], 0.0, FILM * self.scene.spacing))
         pair.least = least

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hpcpic.core.space.shapes import unit
+from hpcpic.core.space.shapes import lengths, unit
 from sph.case.config import Shape
 from sph.physics.smoothing import SMOOTHING
 from sph.setup import obstacles, periodic_walls
@@ -175,9 +175,9 @@ def spread(scene: Any, fluid: Any, x: Reals, n: int, solids: int) -> Reals:
     for _ in range(ROUNDS):
         before = x[:n].copy()
         way = KEPT * way + gain * slopes(scene, x, n, solids)
-        way *= np.minimum(1.0, LONGEST * step / np.maximum(_lengths(way), 1e-300))[:, None]
+        way *= np.minimum(1.0, LONGEST * step / np.maximum(lengths(way), 1e-300))[:, None]
         x[:n] += way
-        left -= _lengths(way)
+        left -= lengths(way)
         for k, (shape, side, least) in enumerate(sides):
             asked = np.flatnonzero(left[k] < 0.0)
             left[k, asked] = np.minimum(side * signed_distance(shape, x[asked], FAR * step), FAR * step) - least
@@ -209,7 +209,3 @@ def slopes(scene: Any, x: Reals, n: int, solids: int) -> Reals:
     into_cells(x, solid, low, edge, shape, start, order, placed)
     pushes(n, reach, CLEAR * scene.spacing, shape, start, order, placed, found)
     return found
-
-
-def _lengths(ways: Reals) -> Reals:
-    return np.sqrt(np.sum(ways * ways, axis=1))

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.space.products import product
+from hpcpic.core.space.shapes import in_three
 from sph.case import geometry
 from sph.case.config import Shape, Wall
 from sph.setup.particle_lattices import along
@@ -39,7 +40,7 @@ def rim(shape: Shape) -> tuple[Reals, float]:
     else:
         points = geometry.corners(shape)
     found = np.array(points, float)
-    return np.pad(found, ((0, 0), (0, 3 - found.shape[1]))), shape.sphere.radius if shape.sphere else 0.0
+    return in_three(found), shape.sphere.radius if shape.sphere else 0.0
 
 
 def fastest_point(shape: Shape, centre: Reals, velocity: Reals, spin: Reals) -> float:
