@@ -80,7 +80,7 @@ def prepare_restart(
 
 
 def facts_of(rundir: RunDir) -> dict[str, Any]:
-    """What run.json tells; nothing where it is damaged, which ends no restart from good checkpoints."""
+    """What run.json tells; {} where there is none, or a damaged one, which ends no restart from good checkpoints."""
     try:
         return rundir.read_run()
     except FileError:

@@ -19,10 +19,11 @@ from hpcpic.core.app.knobs import Knobs
 from hpcpic.core.app.read import Case, read_case
 from hpcpic.core.case.derived import Derived
 from hpcpic.core.cli.launch import launch, within
+from hpcpic.core.cli.restart import facts_of
 from hpcpic.core.errors import CheckFailed, HpcpicError
 from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.files.series import Series, read_series
-from hpcpic.core.study.sweep import facts_of, run_once
+from hpcpic.core.study.sweep import run_once
 
 Settings = Mapping[str, str]  # dotted key -> value of a discrete setting
 

@@ -9,7 +9,7 @@ import math
 import re
 import shutil
 import subprocess
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ from hpcpic.core.app.read import read_case, set_option, shape_options
 from hpcpic.core.app.text import Shown, shown, table
 from hpcpic.core.app.use import use_option
 from hpcpic.core.cli.launch import Start, launch, refuse_launcher
+from hpcpic.core.cli.restart import facts_of
 from hpcpic.core.errors import CheckFailed, ConfigError, FileError
 from hpcpic.core.files.rundir import RunDir, write_atomic
 
@@ -197,14 +198,6 @@ def _is_of(app: App, path: str, sets: tuple[str, ...], rundir: RunDir) -> bool:
         return rundir.config.read_text(encoding="utf-8") == config_text(read.config, read.tree)
     except (OSError, ConfigError):
         return False
-
-
-def facts_of(rundir: RunDir) -> Mapping[str, Any]:
-    """run.json; {} where there is none."""
-    try:
-        return rundir.read_run()
-    except FileError:
-        return {}
 
 
 def _row(rundir: RunDir, sets: tuple[str, ...], code: int) -> dict[str, Any]:
