@@ -66,7 +66,7 @@ def bench(quick: bool) -> Mapping[str, float]:
         rates = sweep_rates(world, pool, others, quick)
         if not quick:
             rates |= cached_rates(world, pool, others, rates)
-            rates |= bed_rates(world, pool, rates)
+            rates |= bed_rates(world, pool)
             if has_masks():
                 rates |= sparse_rates(world, pool, others, rates)
             for d in (2, 3):
@@ -161,7 +161,7 @@ def linked_and_alone(world: World, pool: Pool, side: int) -> tuple[Fluid, Fluid,
     return linked, alone, links
 
 
-def bed_rates(world: World, pool: Pool, rates: Mapping[str, float]) -> dict[str, float]:
+def bed_rates(world: World, pool: Pool) -> dict[str, float]:
     """Rates of a bed of fixed spheres: what nodes beside solids cost more, and ns per link."""
     (linked, alone, links), small = (linked_and_alone(world, pool, side) for side in (SIDE, CACHED_BED))
     plain = box(world, pool, D3Q19, (SIDE,) * 3)

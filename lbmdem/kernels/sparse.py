@@ -129,7 +129,7 @@ def _piece(i: int) -> str:
     return f"here + {i} * slot + SIZE * np.int64(shifts[v, {i - 1}])"
 
 
-def _kept(lattice: Lattice, i: int) -> str:
+def _kept(i: int) -> str:
     """Where the buffer has g_i, and before it f_j."""
     return f"kept + {i - 1} * BYTES"
 
@@ -147,7 +147,7 @@ def _vector(lattice: Lattice, source: Source) -> list[str]:
     lines += ["if leave and has_links:", *_indent(_begin(lattice)), "store_at(here, g0, BYTES)"]
     lines += ["if not odd:", *(f"    store_at(here + {j} * slot, g{i}, BYTES)" for i, j in _both(lattice))]
     lines += [f"elif kind == {WHOLE}:", *(f"    store_at({_piece(i)}, g{i}, SIZE)" for i, _ in _both(lattice))]
-    return [*lines, "else:", *(f"    store_at({_kept(lattice, i)}, g{i}, BYTES)" for i, _ in _both(lattice))]
+    return [*lines, "else:", *(f"    store_at({_kept(i)}, g{i}, BYTES)" for i, _ in _both(lattice))]
 
 
 def _loads(lattice: Lattice) -> list[str]:
@@ -162,7 +162,7 @@ def _loads(lattice: Lattice) -> list[str]:
     lines += ["else:"]
     for i, j in _both(lattice):
         lines += _ahead(i)
-        lines += [f"    f{j} = load_where(to{i}, {_mask(i, FIRST)}, load_at(F, {_kept(lattice, i)}, BYTES), SIZE)"]
+        lines += [f"    f{j} = load_where(to{i}, {_mask(i, FIRST)}, load_at(F, {_kept(i)}, BYTES), SIZE)"]
         lines += [f"    f{j} = load_where(here + {j} * slot, {_mask(i, SHUT)}, f{j}, BYTES)"]
     return lines
 
@@ -175,7 +175,7 @@ def _ahead(i: int) -> list[str]:
 def _put(lattice: Lattice) -> list[str]:
     lines = [f"here, kept = start + v * BYTES, room + (v - low) * {lattice.q - 1} * BYTES"]
     for i, j in _both(lattice):
-        lines += [f"g{i} = load_at(F, {_kept(lattice, i)}, BYTES)"]
+        lines += [f"g{i} = load_at(F, {_kept(i)}, BYTES)"]
         lines += [f"store_where(here + {j} * slot, g{i}, {_mask(i, SHUT)}, BYTES)"]
         lines += [f"store_where({_piece(i)}, g{i}, {_mask(i, FIRST)}, SIZE)"]
     return lines

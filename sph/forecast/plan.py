@@ -125,7 +125,7 @@ def arrays(config: SphConfig, ranks: int) -> list[Array]:
     ]
 
 
-def messages(config: SphConfig, ranks: int) -> list[str]:
+def messages(ranks: int) -> list[str]:
     if ranks == 1:
         return ["none: one rank sends no messages"]
     neighbours = min(2, ranks - 1)
@@ -143,6 +143,6 @@ def plan(config: SphConfig, ranks: int, threads: int) -> list[str]:
         *columns, n = map(int, array.shape)
         name = f"{array.name:<12}{array.text[:60]}" if array.text else array.name
         lines.append(f"  {name:<74}{math.prod(columns):>3} x {n:<12}{array.bytes / MIB:10.2f} MiB")
-    lines += ["messages of a step, per rank", *(f"  {line}" for line in messages(config, ranks))]
+    lines += ["messages of a step, per rank", *(f"  {line}" for line in messages(ranks))]
     solids = any(shape.stl for shape in shapes_of(config))
     return lines + imports(*["trimesh"] * solids)

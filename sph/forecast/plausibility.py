@@ -372,7 +372,7 @@ def openings(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     """How fast and how much flows in, and whether walls stand in its way."""
     verdict: Verdict
     for i, inlet in enumerate(scene.inlets):
-        mach, key = fastest(config, config.inlet[i]) / config.sound_speed, ("inlet", i)
+        mach, key = fastest(config.inlet[i]) / config.sound_speed, ("inlet", i)
         verdict = "ok" if mach <= 1 / 7 else "warn" if mach <= 1 / 3 else "fail"
         cure = "" if verdict == "ok" else f"sound_speed = {10 * mach * config.sound_speed:.3g}"
         yield Derived(f"velocity of {inlet.name}", "v/c0", mach, "", "<= 1/7", verdict, "Monaghan 1994", cure,

@@ -62,7 +62,7 @@ def highest(config: SphConfig, g: float) -> float:
     liquids = [fluid for fluid in config.fluid if not fluid.gas]
     heads = [(max(heights_of(config, fluid)), geometry.length(fluid.velocity) + flows.speed(config, fluid))
              for fluid in liquids]  # fmt: skip
-    heads += [(max(surfaces(config, inlet)), fastest(config, inlet)) for inlet in config.inlet]
+    heads += [(max(surfaces(config, inlet)), fastest(inlet)) for inlet in config.inlet]
     return max(height + speed**2 / (2 * g) for height, speed in heads)
 
 

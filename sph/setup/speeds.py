@@ -29,7 +29,7 @@ def speed_scale(config: SphConfig) -> float:
     speeds += [motion_speed(wall.motion) for wall in config.wall
                if wall.motion and (any(wall.motion.amplitude) or not g)]  # fmt: skip
     speeds += [start_speed(wall) for wall in config.wall if wall.body]
-    speeds += [fastest(config, inlet) for inlet in config.inlet]
+    speeds += [fastest(inlet) for inlet in config.inlet]
     if g:
         heights = [height for fluid in config.fluid if not fluid.gas for height in heights_of(config, fluid)]
         heights += [min(heights_of(config, wall)) for wall in config.wall if wall.body and not wall.body.hinge]
@@ -56,7 +56,7 @@ def lost_in_a_period(config: SphConfig) -> float:
     return 2 * physical_viscosity(config) * k * k * period
 
 
-def fastest(config: SphConfig, inlet: Inlet) -> float:
+def fastest(inlet: Inlet) -> float:
     """Largest velocity of what flows in through an inlet at any time, m/s; of a discharge, through the whole box."""
     across = [b - a for axis, a, b in zip(AXES, inlet.low, inlet.high) if axis != inlet.axis[0]]
     speeds = [speed for _, speed in inlet.over_time("velocity")]

@@ -50,7 +50,6 @@ FAILED, STUCK = 1, 2
 
 # words of a set of messages: n; addresses of handles, statuses, flag, table and MPI_Testall; bytes of a handle; the
 # iteration and what a start adds to it; the tag is (iteration % the first of the last two words) * the second + channel
-RECORD_WORDS = 11
 MESSAGE_WORDS = 7  # a row of its table: MPI_Isend or MPI_Irecv, buffer, count, datatype, peer, channel, communicator
 
 # words of a pool
