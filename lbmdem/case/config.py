@@ -309,8 +309,16 @@ class LbmDemConfig(Section):
 
     def walled(self, k: int) -> tuple[int, ...]:
         """Axes across the axis k that end at walls on both sides."""
-        let_through = {face.face[0] for face in self.boundary if face.type != "wall"}.union(self.domain.periodic)
-        return tuple(j for j, axis in enumerate(AXES[: self.dimensions]) if j != k and axis not in let_through)
+        return tuple(j for j, axis in enumerate(AXES[: self.dimensions]) if j != k and axis not in self.unwalled)
+
+    @property
+    def grains_move(self) -> bool:
+        return any(grains.moving for grains in self.grains)
+
+    @property
+    def unwalled(self) -> set[str]:
+        """Axes along which fluid may pass an end of the box."""
+        return {face.face[0] for face in self.boundary if face.type != "wall"}.union(self.domain.periodic)
 
     @property
     def substeps(self) -> int:
@@ -336,7 +344,7 @@ class LbmDemConfig(Section):
         alone = self.fluid is not None and not (self.grains or self.obstacle or self.shaking)
         alone = alone and len(self.domain.periodic) == self.dimensions
         free = (axis for axis, force in zip(AXES, self.liquid.body_force) if not force) if alone else ()
-        mass = "mean_density" if self.fluid and any(grains.moving for grains in self.grains) else "mass"
+        mass = "mean_density" if self.fluid and self.grains_move else "mass"
         return (*((mass,) if closed else ()), *(f"momentum_{axis}" for axis in free))
 
     @classmethod
@@ -377,7 +385,7 @@ def seeps(config: LbmDemConfig) -> bool:
     """True when something drives a flow along the last axis through grains at rest, so that they have a
     permeability."""
     ends = [face for face in config.boundary if face.face[0] == AXES[config.dimensions - 1] and face.type == "pressure"]
-    still = config.coupling.frozen or not any(grains.moving for grains in config.grains)
+    still = config.coupling.frozen or not config.grains_move
     driven = len(ends) == 2 or (config.fluid is not None and bool(config.liquid.body_force[-1]))
     return bool(config.fluid and config.grains and still and driven)
 

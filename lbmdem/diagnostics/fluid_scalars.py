@@ -49,7 +49,7 @@ class FluidScalars:
         along = scene.dimensions == 3
         per = "" if along else "/m"
         self.units = {"mass": f"kg{per}"}
-        self.units |= {"mean_density": "kg/m3"} if any(grains.moving for grains in scene.config.grains) else {}
+        self.units |= {"mean_density": "kg/m3"} if scene.config.grains_move else {}
         self.units |= {f"momentum_{axis}": f"kg m/s{per}" for axis in self._axes}
         self.units |= {"max_mach": "", "energy_kinetic": f"J{per}"}
         self.units |= {f"flow_rate_{axis}": "m3/s" if along else "m2/s" for axis in self._axes}

@@ -52,7 +52,7 @@ def narrow_gaps(config: LbmDemConfig) -> Iterator[Derived]:
     product of times of the two rates were (tau - 1/2)/2, and holds back what grains that strike squeeze out."""
     if not config.fluid or config.liquid.collision != "central" or config.coupling.frozen:
         return
-    if any(group.moving for group in config.grains):
+    if config.grains_move:
         strikes = any(share for share, _ in overlaps_of_falls(config)) or any(overlaps_of_pairs(config))
         share = 4.0 * (config.tau - 0.5)
         yield judged(

@@ -16,7 +16,6 @@ from lbmdem.forecast.node_shares import (
     lanes_of_all,
     links_follow_grains,
     links_of,
-    moving,
     porous,
     touched,
     volume,
@@ -84,7 +83,7 @@ def row_costs(config: LbmDemConfig, sums: NDArray[np.float64]) -> NDArray[np.flo
     What every rank does, such as the motion of grains that all of them hold, is left out.
     """
     costs = fluid_costs(config, sums) if config.fluid else np.zeros(config.points[-1])
-    if moving(config) and sum(group.count for group in config.grains) > MAX_REPLICATED:
+    if config.grains_move and sum(group.count for group in config.grains) > MAX_REPLICATED:
         costs += config.substeps * DEFAULT["grain_ns"] * sums[CENTRES]
     return costs
 
@@ -96,7 +95,7 @@ def fluid_costs(config: LbmDemConfig, sums: NDArray[np.float64]) -> NDArray[np.f
     solid, touching, skipped = np.minimum(sums[SOLID : COVERED + 1] / nodes, [[0.9], [np.inf], [0.9]])
     if porous(config):
         return nodes * bare * (1 - solid) * (rates["sparse"] + more) + sums[LINKS] * rates["link_ns sparse"]
-    wait = one - bare if moving(config) else 0.0
+    wait = one - bare if config.grains_move else 0.0
     costs = lanes_of_all(config) / config.points[-1] * (bare * (1 + more) + wait) * (1 - skipped)
     if links_follow_grains(config):
         each = 1e3 * (rates[f"moving_grain_us {d}D"] + rates[f"moving_link_us {d}D"])
@@ -123,5 +122,5 @@ def first_cuts(config: LbmDemConfig, ranks: int, placed: Grains | None = None) -
         return even
     sets = [placed] if placed else [expected(config, group) for group in config.grains]
     costs = row_costs(config, np.sum([sums_by_row(config, one) for one in sets], axis=0))
-    deep = config.fluid is not None and not moving(config)
+    deep = config.fluid is not None and not config.grains_move
     return better_cuts(costs, even, minimum=min(DEEP, rows // ranks) if deep else 1) or even

@@ -113,8 +113,7 @@ def sloshing(config: LbmDemConfig) -> Iterator[Derived]:
     """
     if config.shaking is None:
         return
-    opened = {face.face[0] for face in config.boundary if face.type != "wall"}.union(config.domain.periodic)
-    moved = [axis for axis, part in zip(AXES, config.shaking.acceleration) if part and axis not in opened]
+    moved = [axis for axis, part in zip(AXES, config.shaking.acceleration) if part and axis not in config.unwalled]
     length = max((config.domain.size[AXES.index(axis)] for axis in moved), default=0.0)
     ratio = 2.0 * length * config.shaking.frequency * config.time_step / config.spacing / math.sqrt(CS2)
     if not ratio:
@@ -154,7 +153,7 @@ def grains(config: LbmDemConfig) -> Iterator[Derived]:
             yield from falling(config, i)
     if config.fluid:
         yield from released(config)
-    if config.fluid and not config.coupling.lubrication and any(group.moving for group in config.grains):
+    if config.fluid and not config.coupling.lubrication and config.grains_move:
         cure = "lubrication = true adds what the lattice does not resolve in them"
         key = ("coupling", "lubrication")
         yield Derived("narrowest gap", "h/dx", 0.0, "", ">= 1", "warn", "grains may come closer", cure, key)

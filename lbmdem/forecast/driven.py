@@ -21,7 +21,7 @@ def driven(config: LbmDemConfig) -> Iterator[Derived]:
     size, nu = config.domain.size, config.liquid.kinematic_viscosity
     stay = any(stays(config, group) for group in config.grains)
     held = stay or bool(config.obstacle)
-    unwalled = {face.face[0] for face in config.boundary if face.type != "wall"}.union(config.domain.periodic)
+    unwalled = config.unwalled
     speeds, largest, by = dict.fromkeys(AXES, 0.0), 0.0, PUSHED
     for along, push, a, free in pushes(config):
         walls = [length for axis, length in zip(AXES, size) if axis not in unwalled and axis != along]
@@ -100,8 +100,7 @@ def steady(config: LbmDemConfig) -> Iterator[Derived]:
     a, nu, end = abs(config.liquid.body_force[-1]), config.liquid.kinematic_viscosity, config.simulation.end_time
     if not a or not seeps(config):
         return
-    unwalled = {face.face[0] for face in config.boundary if face.type != "wall"}.union(config.domain.periodic)
-    walls = [length for axis, length in zip(AXES, config.domain.size[:-1]) if axis not in unwalled]
+    walls = [length for axis, length in zip(AXES, config.domain.size[:-1]) if axis not in config.unwalled]
     time = min([speed_through(config, a) / PEAK / a, *(height**2 / (8.0 * nu) for height in walls)])
     yield judged(
         "end over the time to a steady flow", "t a/u", end / time, ok=end >= 3.0 * time, legal=True, limit=">= 3",

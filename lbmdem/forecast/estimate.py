@@ -17,7 +17,6 @@ from lbmdem.forecast.node_shares import (
     cached,
     fluid_share,
     lanes_of_all,
-    moving,
     node_bytes,
     population_bytes,
     shares,
@@ -80,12 +79,12 @@ def phases(
     launch += rates["lattice_drive_us"] if config.fluid and config.shaking else 0.0
     calls = 1 / together if config.fluid else 1 / grain_steps_per_call(config)
     seconds = {"launches": 1e-6 * launch * calls}
-    moved = moving(config) and not config.coupling.frozen
+    moved = config.grains_move and not config.coupling.frozen
     if config.fluid:
         seconds |= sweep_seconds(config, ranks, threads, rates, together)
         seconds["links"] = link_seconds(config, ranks, threads, rates, together)
         seconds["messages"] = message_seconds(config, ranks, rates)
-    if moving(config):
+    if config.grains_move:
         n, substeps = grain_count(config), expected_substeps(config)
         seconds["grains"] = 1e-6 * (rates["grains_us"] * calls + substeps * rates["substep_us"])
         rate = 1e9 if n <= GRAINS_OF_ONE_THREAD * threads else cores
@@ -109,7 +108,7 @@ def grain_steps_per_call(config: LbmDemConfig) -> int:
 def link_seconds(config: LbmDemConfig, ranks: int, threads: int, rates: Mapping[str, float], together: int) -> float:
     """Bounce back at solids."""
     links, d = link_count(config), config.dimensions
-    if moving(config) and not config.coupling.frozen:
+    if config.grains_move and not config.coupling.frozen:
         work = links * rates[f"link_ns moving {d}D"] + 1e3 * grain_count(config) * rates[f"moving_link_us {d}D"]
         return 1e-9 * work / gain(ranks, threads, rates, rates["wave_core_gain"])
     near, far = "cached" if cached(config) else "fixed", "fixed single"
@@ -129,7 +128,7 @@ def core_gain(config: LbmDemConfig, rates: Mapping[str, float]) -> str:
 def steps_per_pass(config: LbmDemConfig, ranks: int, threads: int) -> int:
     """1 where solids move or something drives the fluid from step to step."""
     driven = config.shaking is not None or any(face.pressure_rate for face in config.boundary)
-    if not config.fluid or moving(config) or driven:
+    if not config.fluid or config.grains_move or driven:
         return 1
     lag = 2 if config.grains or config.obstacle or config.boundary else 1
     depth = min(STEPS_PER_PASS, config.points[-1] // (ranks * threads * 2 * lag))
@@ -220,7 +219,7 @@ def disk_items(config: LbmDemConfig) -> dict[str, float]:
 
     populations = node_bytes(config) if config.fluid else 0
     fluid = 2 * (config.fluid is not None)  # force and torque
-    forces = fluid + any(grains.moving for grains in config.grains)  # of contacts
+    forces = fluid + config.grains_move  # of contacts
     return {
         "series": times(periods["series"]) * SERIES_BYTES,
         "fields": times(periods["field"]) * nodes * 8 * (1 + 3),  # vectors have three components

@@ -172,10 +172,9 @@ def released(config: LbmDemConfig) -> Iterator[Derived]:
     if not any(config.gravity) or config.coupling.frozen:
         return
     k = int(np.argmax(np.abs(config.gravity)))
-    opened = {face.face[0] for face in config.boundary if face.type != "wall"}.union(config.domain.periodic)
     weights = [abs(weight_in_fluid(config, g, g.largest_diameter)) if g.moving else 0.0 for g in config.grains]
     free = [i for i, own in enumerate(weights) if own and standing(config)[i] and standing(config)[i] < 1.5 * own]
-    if AXES[k] in opened or not free:
+    if AXES[k] in config.unwalled or not free:
         return
     falls = [(i, terminal_speed(config, i)) for i in free]
     force = sum(whole_weight(config, config.grains[i]) for i in free)

@@ -78,7 +78,7 @@ def wet(config: LbmDemConfig) -> list[Knob]:
         Knob("tau", "relaxation time, which is the time step", "", key, lambda c: c.tau - 0.5, 2.0, 1.0,
              "Mach number", shown=lambda size: size + 0.5),
     ]  # fmt: skip
-    if any(grains.moving for grains in config.grains):
+    if config.grains_move:
         found.append(
             Knob("substeps", "steps of the grains in one of the fluid", "", ("coupling", "substeps"),
                  lambda c: 1.0 / c.substeps, 2.0, 0.5, LIMIT, shown=lambda size: 1.0 / size)
@@ -123,7 +123,7 @@ def settings(config: LbmDemConfig, sizes: Mapping[str, float], time: float) -> t
     spacing, box = fitting(config, float(sizes.get("dx", config.spacing)))
     excess = float(sizes.get("tau", config.tau - 0.5))
     made += [f"domain.spacing={spacing!r}", *box]
-    if "substeps" in sizes and any(grains.moving for grains in config.grains):
+    if "substeps" in sizes and config.grains_move:
         made.append(f"coupling.substeps={max(1, math.ceil(1.0 / sizes['substeps'] - 1e-6))}")
     if config.liquid.time_step is None:
         return (*made, f"fluid.relaxation_time={0.5 + excess!r}")
@@ -257,8 +257,7 @@ def main_axis(config: LbmDemConfig) -> str:
         ends = [(given.get(f"{axis}-"), given.get(f"{axis}+")) for axis in AXES[: config.dimensions]]
         sizes = [float(None not in (low, high) and low != high) for low, high in ends]
     axis = AXES[int(np.argmax(sizes))]
-    unwalled = {face.face[0] for face in config.boundary if face.type != "wall"}.union(config.domain.periodic)
-    return axis if max(sizes) and axis in unwalled else ""
+    return axis if max(sizes) and axis in config.unwalled else ""
 
 
 def mean_from(columns: list[str], first: float, until: float, series: Series) -> float:

@@ -101,11 +101,7 @@ def shares(config: LbmDemConfig) -> Shares:
 
 def links_follow_grains(config: LbmDemConfig) -> bool:
     """True when all links to grains are done after the sweep (Fluid.leave_to_links)."""
-    return moving(config) and not config.coupling.frozen
-
-
-def moving(config: LbmDemConfig) -> bool:
-    return any(group.moving for group in config.grains)
+    return config.grains_move and not config.coupling.frozen
 
 
 def sparse(config: LbmDemConfig) -> bool:
@@ -115,7 +111,7 @@ def sparse(config: LbmDemConfig) -> bool:
 
 def porous(config: LbmDemConfig) -> bool:
     """True when a processor with masks holds the fluid nodes alone."""
-    stays, rules = not moving(config) or config.coupling.frozen, config.coupling
+    stays, rules = not config.grains_move or config.coupling.frozen, config.coupling
     general = RULES[rules.bounce_back].reach < 2 and not rules.keeps_mass
     return stays and general and fluid_share(config) < SPARSE_BELOW
 

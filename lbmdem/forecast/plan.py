@@ -14,7 +14,7 @@ from lbmdem.case.config import AXES, LbmDemConfig
 from lbmdem.coupling.arrays import MOVING_LINKS
 from lbmdem.fluid.arrays import MOVED_NODES, fixed_links
 from lbmdem.forecast.cuts import first_cuts
-from lbmdem.forecast.node_shares import fluid_share, grains, links_of, moving, node_bytes, sparse
+from lbmdem.forecast.node_shares import fluid_share, grains, links_of, node_bytes, sparse
 from lbmdem.grains.arrays import expected
 from lbmdem.layout import Layout, place_type, sparse_arrays
 from lbmdem.physics.velocity_sets import LATTICES
@@ -54,7 +54,7 @@ def obstacle_links(config: LbmDemConfig, obstacle: Obstacle) -> float:
 def kernels(config: LbmDemConfig) -> list[str]:
     """The compiled kernels of a step, with what they are made for."""
     lines = fluid_kernels(config) if config.fluid else []
-    if moving(config):
+    if config.grains_move:
         lines.append(f"contacts   {config.contact.tangential} friction, velocity Verlet")
     return lines
 
@@ -65,7 +65,7 @@ def fluid_kernels(config: LbmDemConfig) -> list[str]:
     lines = [f"sweep      {config.lattice}, {fluid.collision}, {fluid.storage}{forced}, in place"]
     kinds = sorted({face.type for face in config.boundary if face.type != "wall"})
     lines += [f"faces      {' and '.join(kinds)} (Zou & He)"] if kinds else []
-    moved = moving(config) and not coupling.frozen
+    moved = config.grains_move and not coupling.frozen
     if config.grains or config.obstacle:
         kind = "moving grains" if moved else "fixed, coefficients kept"
         lines.append(f"links      {coupling.bounce_back}, {kind}")
@@ -75,7 +75,7 @@ def fluid_kernels(config: LbmDemConfig) -> list[str]:
 def arrays(config: LbmDemConfig, ranks: int) -> Iterator[Array]:
     if config.fluid:
         yield from fluid_arrays(config, ranks)
-    if moving(config):
+    if config.grains_move:
         yield from expected(grain_count(config) // ranks + 1, config.dimensions)
 
 
@@ -86,7 +86,7 @@ def fluid_arrays(config: LbmDemConfig, ranks: int) -> Iterator[Array]:
     around = tuple(axis in config.domain.periodic for axis in AXES[: config.dimensions][::-1])
     layout = Layout.of(LATTICES[config.lattice], own, around, min(ranks, points[0]) == 1, real)
     yield from fluid_nodes(config, layout, real) if sparse(config) else layout.arrays(real)
-    if moving(config) and not config.coupling.frozen:
+    if config.grains_move and not config.coupling.frozen:
         n = grain_count(config) // ranks + 1
         sizes = {"shares": layout.planes, "cuts": layout.planes + 1, "grains": n, "images": 2 * n, "parts": n}
         sizes |= {"blocks": 1, "block_ends": 2, "changes": 64, "changed": 64}
@@ -131,9 +131,9 @@ def messages(config: LbmDemConfig, ranks: int) -> list[str]:
     if ranks == 1:
         return ["none: one rank sends no messages"]
     lines = [f"populations  2 of {face_bytes(config)} bytes"] if config.fluid else []
-    if moving(config):
+    if config.grains_move:
         lines.append("grains       2, those near a slab's ends; in every substep")
-    return lines + (["forces       2, fixed point"] if moving(config) and config.fluid else [])
+    return lines + (["forces       2, fixed point"] if config.grains_move and config.fluid else [])
 
 
 def plan(config: LbmDemConfig, ranks: int, threads: int) -> list[str]:
@@ -143,7 +143,7 @@ def plan(config: LbmDemConfig, ranks: int, threads: int) -> list[str]:
     for array in arrays(config, ranks):
         shape = " x ".join(map(str, array.shape))
         lines.append(f"  {array.name:<26}{shape:<24}{array.dtype:<12}{array.bytes / 2**20:10.2f} MiB")
-    if config.fluid and (config.grains or config.obstacle) and (not moving(config) or config.coupling.frozen):
+    if config.fluid and (config.grains or config.obstacle) and (not config.grains_move or config.coupling.frozen):
         lines.append("  links: as many as surfaces of this size have on the mean; a run finds them when it starts")
     lines += ["messages of a step, per rank", *(f"  {line}" for line in messages(config, ranks))]
     return lines + imports(*["scipy.special"] * any(grains.diameters for grains in config.grains))

@@ -20,7 +20,7 @@ LEAST_EXCESS = 1e-12  # of tau over 1/2: of less, rounding leaves fewer than fou
 
 def unlimited(config: LbmDemConfig) -> str:
     """What central moments have no limit of, and what they are not for."""
-    return CENTRAL + (BRAKES if any(group.moving for group in config.grains) else "")
+    return CENTRAL + (BRAKES if config.grains_move else "")
 
 
 def other_collision(config: LbmDemConfig) -> str:

@@ -125,7 +125,7 @@ def dry_faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:
     """What needs a fluid in a case that has none."""
     if not config.grains:
         yield ("fluid",), "is missing, and there are no grains either"
-    elif not any(grains.moving for grains in config.grains):
+    elif not config.grains_move:
         yield ("grains",), "none moves, and there is no fluid"
     for i, face in enumerate(config.boundary):
         if face.type not in ("wall", "periodic"):
@@ -161,7 +161,7 @@ def unused_faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:
     """What is asked for and would do nothing."""
     if config.contact.tangential_stiffness is not None and config.contact.tangential != "history":
         yield ("contact", "tangential_stiffness"), 'is of the springs of tangential = "history"'
-    if config.output.stress_slices and not any(grains.moving for grains in config.grains):
+    if config.output.stress_slices and not config.grains_move:
         yield ("output", "stress_slices"), "needs grains that move: others press on nothing"
     for word in ("period", "every"):
         if getattr(config.output, word).fields and config.fluid is None:
@@ -210,7 +210,7 @@ def obstacle_faults(config: LbmDemConfig, obstacle: Obstacle) -> Iterator[tuple[
     elif box is not None:
         if any(low >= high for low, high in zip(box.low, box.high)):
             yield ("shape", "box"), "has no inside: low must be below high along every axis"
-        if any(grains.moving for grains in config.grains):
+        if config.grains_move:
             yield ("shape", "box"), (
                 "is nothing that moving grains could touch; a plane is, or a row of grains with moving = false"
             )

@@ -21,7 +21,7 @@ def completed(config: LbmDemConfig) -> LbmDemConfig:
     coupling = config.coupling
     if coupling.refill is None:
         closed = all(face.type in ("wall", "periodic") for face in config.boundary)
-        kept = closed and not coupling.frozen and any(grains.moving for grains in config.grains)
+        kept = closed and not coupling.frozen and config.grains_move
         coupling = coupling.model_copy(update={"refill": "mass-conserving" if kept else "local"})
     faces = (face for face in config.boundary if face.type != "periodic")
     boundary = tuple(face.model_copy(update={"velocity": padded(face.velocity, d)}) for face in faces)
