@@ -15,7 +15,7 @@ from hpcpic.plasma.analysis.predictions import Prediction, predict
 from hpcpic.plasma.analysis.series_analysis import Oscillation, fit_oscillation, signed
 from hpcpic.plasma.case.config import PlasmaConfig, Species, mode_columns
 from hpcpic.plasma.diagnostics.scalars import MODES
-from hpcpic.plasma.forecast.scales import spacing, total_plasma_frequency
+from hpcpic.plasma.forecast.scales import particle_count, spacing, total_plasma_frequency
 from hpcpic.plasma.forecast.turning import fastest_turn
 from hpcpic.plasma.physics.shapes import SHAPES
 from hpcpic.plasma.setup.loaders import LOADERS, loader_of
@@ -49,7 +49,7 @@ def knobs_of(config: PlasmaConfig) -> Knobs:
             "output.every.histograms=0",
             "output.openpmd=false",
         ),
-        work=lambda c: c.simulation.cycles * max(1, sum(s.particles for s in c.species)),
+        work=lambda c: c.simulation.cycles * max(1, particle_count(c)),
         work_unit="particle-steps",
         horizon=min(
             HORIZON / (total_plasma_frequency(config) or fastest_turn(config) or 1.0),
@@ -97,7 +97,7 @@ def continuous(config: PlasmaConfig) -> list[Knob]:
     if scalable(config):
         found.append(
             Knob("particles", "particles of all species", "", ("species", 0, "particles"),
-                 lambda c: 1.0 / sum(s.particles for s in c.species), 0.5 if random else 2.0 if even else 1.0,
+                 lambda c: 1.0 / particle_count(c), 0.5 if random else 2.0 if even else 1.0,
                  1.0, shown=lambda size: 1.0 / size, noisy=not even)
         )  # fmt: skip
     return found
@@ -141,7 +141,7 @@ def settings(config: PlasmaConfig, sizes: Mapping[str, float], time: float) -> t
             batches[i] = loader_of(s).batch_size(s, config.points)
             made.append(f"species[{i}].places={batches[i]}")
     if "particles" in sizes and scalable(config):
-        more = 1.0 / (sizes["particles"] * sum(s.particles for s in config.species))
+        more = 1.0 / (sizes["particles"] * particle_count(config))
         for i, s in enumerate(config.species):
             made += resized(i, s, count(s.particles * more, batches[i]))
     made += [f"{key}={max(1, round(period * dt / step))}" for key, period in sampled(config) if period]

@@ -24,6 +24,7 @@ from hpcpic.plasma.analysis import series_analysis
 from hpcpic.plasma.analysis.predictions import config_of
 from hpcpic.plasma.case import config as case
 from hpcpic.plasma.case.config import velocity_components
+from hpcpic.plasma.forecast.scales import particle_count
 from hpcpic.plasma.setup.loaders import loader_of
 from hpcpic.plasma.setup.macro_particles import macro_mass
 
@@ -126,7 +127,7 @@ def _species_legend(figure: Figure, species: Sequence[str]) -> None:
 def velocities(run: Run, step: int | None = None) -> Figure:
     """Distribution of each velocity component at the first snapshot and at the last, or the one asked for."""
     snapshots = snapshots_of(run)
-    if sum(s.particles for s in config_of(run).species) <= MAX_PATHS:
+    if particle_count(config_of(run)) <= MAX_PATHS:
         raise NotInScene(f"needs more than {MAX_PATHS} particles")
     end = snapshots.index(step)
     found = {name: snapshots.read(name, end)["velocity"] for name in snapshots.species}
@@ -223,7 +224,7 @@ def _maxwellian(config: case.PlasmaConfig, one: case.Histogram, axis: str, edges
 def orbits(run: Run, step: int | None = None) -> Figure:
     """Paths of all particles when they are few: x and y in 2D and 3D, x in time in 1D; open where they leave it."""
     config, snapshots = config_of(run), snapshots_of(run)
-    if not 0 < sum(s.particles for s in config.species) <= MAX_PATHS:
+    if not 0 < particle_count(config) <= MAX_PATHS:
         raise NotInScene(f"needs one particle, at most {MAX_PATHS} particles")
     if len(snapshots.steps) < 8:
         raise NoData("needs eight snapshots of the particles (output.sampling_period.particle)")

@@ -41,6 +41,7 @@ from hpcpic.plasma.analysis.predictions import beams, compare_mode, config_of, p
 from hpcpic.plasma.case.config import PlasmaConfig, mode_columns
 from hpcpic.plasma.forecast.scales import spacing
 from hpcpic.plasma.forecast.turning import fastest_turn
+from hpcpic.plasma.physics.dispersion import total_frequency
 from hpcpic.plasma.physics.poisson import operator_of, response
 
 if TYPE_CHECKING:
@@ -199,7 +200,7 @@ def spectrum(run: Run, step: int | None = None) -> Figure:
     if name is None or len(snapshots.steps) < 16 or len(set(np.diff(snapshots.steps))) > 1:
         raise NoData("needs 16 snapshots of E or phi at equal intervals (output.every.fields)")
     species = beams(config_of(run))
-    wp = float(np.sqrt(sum(b.plasma_frequency**2 for b in species))) or 1.0
+    wp = total_frequency(species) or 1.0
     dt = float(abs(snapshots.times[1] - snapshots.times[0]))
     if np.pi / dt < 1.5 * wp:
         raise NoData(f"needs a snapshot of the fields every {np.pi / (2 * wp):.3g} s or less (here {dt:.3g} s)")
@@ -304,7 +305,7 @@ def _fields_1d(run: Run, snapshots: Fields, number: int) -> Figure:
             top.axhline(snapshots.times[number], color=INK, linewidth=0.8)
             top.grid(visible=False)
             figure.colorbar(mesh, ax=top, label=axis_label(shown, snapshots.units[shown]), pad=0.02)
-            wp = np.sqrt(sum(b.plasma_frequency**2 for b in beams(config_of(run))))
+            wp = total_frequency(beams(config_of(run)))
             coarse = wp * float(np.abs(np.diff(snapshots.times[:2])).max()) > np.pi
             title = "Field, in snapshots too rare for its swing" if coarse else "Field in space and time"
             top.set(ylabel="time, s", title=title, xlim=(0, length))

@@ -15,6 +15,7 @@ from hpcpic.plasma.analysis.theory import Beam, Mesh
 from hpcpic.plasma.case.config import PlasmaConfig
 from hpcpic.plasma.configure import configure
 from hpcpic.plasma.forecast.scales import plasma_frequency, spacing
+from hpcpic.plasma.physics.dispersion import total_frequency
 from hpcpic.plasma.physics.poisson import operator_of, response
 from hpcpic.plasma.physics.quiet_start import lattice
 from hpcpic.plasma.setup.loaders import loader_of
@@ -87,7 +88,7 @@ def predict(config: PlasmaConfig, mode: Sequence[int]) -> Prediction | None:
     if min(continuum, on_mesh) <= 0:  # charges of one sign attract
         return None
     found, meshed = scaled(found, continuum), scaled(found, on_mesh)
-    wp = math.sqrt(sum(b.plasma_frequency**2 for b in found))
+    wp = total_frequency(found)
     cold = all(b.thermal_velocity == 0.0 for b in found)
     still = all(b.drift == 0.0 for b in found)
     if np.cross(np.pad(k, (0, 3 - len(k))), config.field.magnetic).any():  # B along k leaves the wave alone
@@ -126,7 +127,7 @@ def _on_mesh(omega: complex, k: NDArray[np.float64], found: tuple[Beam, ...], me
 
 def _cold_on_mesh(config: PlasmaConfig, k: NDArray[np.float64], found: tuple[Beam, ...]) -> complex:
     """The cold wave of the scheme; of a lattice of particles by the closed form that knows their places in a cell."""
-    mesh, wp = mesh_of(config), math.sqrt(sum(b.plasma_frequency**2 for b in found))
+    mesh, wp = mesh_of(config), total_frequency(found)
     lattices = [lattice(s.particles, config.points) for s in config.species if s.init_method == "quiet" and s.particles]
     per_cell = {n / cells for sides in lattices for n, cells in zip(sides or (), config.points)}
     if len(per_cell) == 1 and mesh.shape == "CIC" and not mesh.spectral and len(config.points) > 1:

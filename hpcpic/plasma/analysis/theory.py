@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hpcpic.plasma.physics.boris import impulse_across
-from hpcpic.plasma.physics.dispersion import Beam, NoRoot, root_near, susceptibility
+from hpcpic.plasma.physics.dispersion import Beam, NoRoot, root_near, susceptibility, total_frequency
 from hpcpic.plasma.physics.shapes import SHAPES
 
 ALIASES = {1: 24, 2: 10, 3: 5}  # each way, by axes that k is not across: the shape falls as 1/p^2 or faster, and what
@@ -102,7 +102,7 @@ def unstable_root(k: float, beams: Sequence[Beam]) -> complex:
         if best.imag <= 1e-7 * abs(best):
             raise NoRoot(f"nothing grows at k = {k}")
         return best
-    wp = np.sqrt(sum(b.plasma_frequency**2 for b in beams))
+    wp = total_frequency(beams)
     resonances = [k * b.drift for b in beams]
     low, high = min(*resonances, -wp) - wp, max(*resonances, wp) + wp
     starts = [complex(w.real, abs(w.imag) + 0.01 * wp) for w in cold_roots(k, beams)]

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from hpcpic.core.space.domain import MAX_IMBALANCE, better_cuts, even_cuts
 from hpcpic.plasma.case.config import PlasmaConfig, Species
 from hpcpic.plasma.forecast.rates import DEFAULT, kernel_ns
+from hpcpic.plasma.forecast.scales import particle_count
 from hpcpic.plasma.setup.loaders import EVEN, loader_of
 from hpcpic.plasma.setup.scene import Scene
 
@@ -29,7 +30,7 @@ def row_costs(config: PlasmaConfig, particles: ArrayLike) -> NDArray[np.float64]
 def laying_out(config: PlasmaConfig, ranks: int) -> float:
     """Time that a run takes to lay out its particles and fields anew, ns."""
     once, each = LAYING_OUT
-    return once + each * sum(species.particles for species in config.species) / ranks
+    return once + each * particle_count(config) / ranks
 
 
 def first_cuts(config: PlasmaConfig, ranks: int) -> tuple[int, ...]:

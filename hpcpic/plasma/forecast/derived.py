@@ -21,6 +21,7 @@ from hpcpic.plasma.forecast.scales import (
     UNITS,
     charge_density,
     field_axes,
+    particle_count,
     plasma_frequency,
     spacing,
     step_for,
@@ -240,7 +241,7 @@ def heating(config: PlasmaConfig) -> Derived:
     growth = heated(config, shape)
     if math.isnan(growth):
         source = f"cannot be foretold with fewer than {MIN_PER_CELL:g} particles per cell"
-        if sum(species.particles for species in config.species) >= MIN_PER_CELL * math.prod(config.points):
+        if particle_count(config) >= MIN_PER_CELL * math.prod(config.points):
             source += f" of one charge: these have the noise of {alike_per_cell(config):.2g}"
         if axes == 1 and start_noise(config) >= MAX_START_NOISE:
             source = f"cannot be foretold: the field of the random start has {start_noise(config):.2g} times the heat"
@@ -344,7 +345,7 @@ def waves(config: PlasmaConfig) -> Iterator[Derived]:
 def sizes(config: PlasmaConfig) -> Iterator[Derived]:
     """Particles per cell, the charge of the background, and points where the solver minds."""
     cells = math.prod(config.points)
-    per_cell = sum(species.particles for species in config.species) / cells
+    per_cell = particle_count(config) / cells
     verdict = verdict_of(per_cell <= NODE_CAPACITY / 4, per_cell <= NODE_CAPACITY)
     limit, source = f"< {NODE_CAPACITY}", "64-bit fixed-point charge"
     yield judged("particles per cell", "N/cells", per_cell, limit, verdict, source, "more points", POINTS)

@@ -15,6 +15,7 @@ from hpcpic.core.app.rates import usual
 from hpcpic.plasma.case.config import PlasmaConfig, velocity_components
 from hpcpic.plasma.forecast.plan import arrays, factor_nonzeros
 from hpcpic.plasma.forecast.rates import DEFAULT, NARROW, kernel_ns
+from hpcpic.plasma.forecast.scales import particle_count
 from hpcpic.plasma.physics.species_fields import MESH_FIELDS, SPECIES_FIELDS
 from hpcpic.plasma.sizes import EDGE
 
@@ -55,10 +56,6 @@ def completed_rates(measured: Mapping[str, float]) -> dict[str, float]:
     ratio = measured.get(standard, rates[standard]) / rates[standard]
     scaled = {name: value * ratio if "_ns" in name else value for name, value in rates.items()}
     return scaled | dict(measured)
-
-
-def particle_count(config: PlasmaConfig) -> int:
-    return sum(species.particles for species in config.species)
 
 
 def particle_bytes(config: PlasmaConfig) -> int:

@@ -13,6 +13,7 @@ from hpcpic.core.comm.shared_memory import FOLDER as SHARED_MEMORY
 from hpcpic.core.space.declared import Array
 from hpcpic.plasma.case.config import PlasmaConfig, rotation, velocity_components
 from hpcpic.plasma.forecast.cuts import first_cuts
+from hpcpic.plasma.forecast.scales import particle_count
 from hpcpic.plasma.particles.arrays import declared
 from hpcpic.plasma.physics.moments import values_of
 from hpcpic.plasma.physics.shapes import SHAPES
@@ -105,7 +106,7 @@ def particle_arrays(
     config: PlasmaConfig, ranks: int, slab: tuple[int, ...], blocks: int, real: str
 ) -> Iterator[Array]:
     """Pages that are touched; every tile part of a species leaves half a page empty, on average. `slab`: its points."""
-    n = sum(species.particles for species in config.species)
+    n = particle_count(config)
     if not n:
         return
     edge, d = EDGE[config.dimensions], config.dimensions

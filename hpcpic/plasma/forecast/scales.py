@@ -21,6 +21,11 @@ def plasma_frequency(config: PlasmaConfig, species: Species) -> float:
     return math.sqrt(density * species.charge * ratio / config.constants.vacuum_permittivity)
 
 
+def particle_count(config: PlasmaConfig) -> int:
+    """Macro-particles of all species."""
+    return sum(species.particles for species in config.species)
+
+
 def total_plasma_frequency(config: PlasmaConfig) -> float:
     """wp of all species together at the mean density of the box, rad/s."""
     return math.hypot(0.0, *(plasma_frequency(config, species) for species in config.species))

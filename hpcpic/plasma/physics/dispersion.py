@@ -27,6 +27,11 @@ class Beam:
     thermal_velocity: float = 0.0
 
 
+def total_frequency(beams: Sequence[Beam]) -> float:
+    """The plasma frequency of all of them together."""
+    return float(np.sqrt(sum(beam.plasma_frequency**2 for beam in beams)))
+
+
 def plasma_dispersion_prime(zeta: complex) -> complex:
     """Z'(zeta) = -2 (1 + zeta Z), the derivative of the function of Fried and Conte, on both half planes."""
     from scipy.special import wofz
