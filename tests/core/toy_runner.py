@@ -14,6 +14,7 @@ from app_runner import MPIRUN, ROOT, TIMEOUT_S, environment
 
 TOY = ROOT / "tests" / "core" / "toy_app.py"
 DIGESTS: dict[str, str] = {}
+RUN_A = ("run", "ring.conf", "-o", "a", "--threads", "1")  # the case into the folder a
 
 
 class Server:

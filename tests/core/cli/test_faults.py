@@ -5,6 +5,7 @@ import re
 import time
 
 import pytest
+from toy_runner import RUN_A
 
 from hpcpic.core.files.reader import open_run
 
@@ -12,18 +13,7 @@ from hpcpic.core.files.reader import open_run
 def run_with_fault(toy, kind, ranks=2, step=20, **settings):
     fault = {"fault__kind": f'"{kind}"', "fault__rank": ranks - 1, "fault__step": step}
     begin = time.monotonic()
-    done = toy(
-        "run",
-        "ring.conf",
-        "-o",
-        "a",
-        "--threads",
-        "1",
-        *settings.pop("words", ()),
-        ranks=ranks,
-        **fault,
-        **settings,
-    )
+    done = toy(*RUN_A, *settings.pop("words", ()), ranks=ranks, **fault, **settings)
     assert time.monotonic() - begin < 15
     return done
 
@@ -94,7 +84,7 @@ def test_a_divergence_that_one_rank_raises_leaves_a_post_mortem_too(toy):
 def test_snapshots_that_wait_are_in_the_files_when_a_checkpoint_is(toy):
     """One in every step: a run that is killed has those up to its checkpoint, one that ends has all."""
     every = {"output__field": 1, "output__particle": 1}
-    toy("run", "ring.conf", "-o", "a", "--threads", "1", "--checkpoint-every", "25", ranks=2,
+    toy(*RUN_A, "--checkpoint-every", "25", ranks=2,
         fault__kind='"kill"', fault__rank=1, fault__step=110, **every)  # fmt: skip
     for name in ("field", "particle"):
         steps = getattr(open_run(toy.folder / "a"), f"{name}_snapshots").steps

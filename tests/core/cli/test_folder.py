@@ -7,7 +7,7 @@ import shutil
 import subprocess
 
 import pytest
-from toy_runner import environment, wait_until
+from toy_runner import RUN_A, environment, wait_until
 
 from hpcpic.core.files.reader import open_run
 
@@ -38,7 +38,7 @@ def check_goes_on(toy, name="a"):
 def test_a_file_system_that_stands_still_ends_no_run(toy):
     """Longer than the patience of ranks with each other: who writes alone is waited for."""
     fault = {"fault__kind": '"stall"', "steps": 300, "pause": 0.005}
-    done = toy("run", "ring.conf", "-o", "a", "--threads", "1", "--patience", "2", ranks=2, **fault)
+    done = toy(*RUN_A, "--patience", "2", ranks=2, **fault)
     assert done.returncode == 0, done.stderr
     assert toy.facts("a")["wall_seconds"] > 5.0 and toy.facts("a")["state_digest"] == toy.digest(steps=300)
 
@@ -46,7 +46,7 @@ def test_a_file_system_that_stands_still_ends_no_run(toy):
 @pytest.mark.parametrize("ranks", [1, 2])
 @pytest.mark.parametrize("name", ["series.csv", "series.h5"])
 def test_a_series_that_is_taken_away_is_missing_at_the_end(toy, name, ranks):
-    process = toy.start("run", "ring.conf", "-o", "a", "--threads", "1", ranks=ranks, **SLOW)
+    process = toy.start(*RUN_A, ranks=ranks, **SLOW)
     (toy.folder / "a" / name).unlink()
     _, errors = ended(process, 6)
     assert errors.count("no series output from step") == 1 and f"{name}: No such file" in errors
@@ -59,7 +59,7 @@ def test_a_series_that_is_taken_away_is_missing_at_the_end(toy, name, ranks):
 def test_a_folder_that_is_moved_is_followed(toy, ranks):
     words = ("--checkpoint-every", "50")
     output = {f"output__{kind}": 10 for kind in ("field", "particle", "openpmd")}
-    process = toy.start("run", "ring.conf", "-o", "a", "--threads", "1", *words, ranks=ranks, **SLOW, **output)
+    process = toy.start(*RUN_A, *words, ranks=ranks, **SLOW, **output)
     before = toy.checkpoints("a")
     wait_until(lambda: toy.checkpoints("a") != before)
     (toy.folder / "a").rename(toy.folder / "b")  # between two checkpoints
@@ -77,7 +77,7 @@ def test_a_folder_that_is_moved_is_followed(toy, ranks):
 @pytest.mark.parametrize("words", [(), ("--checkpoint-every", "5")])
 def test_a_run_that_was_killed_is_none_under_way(toy, words):
     """Whoever reads the folder is told, and how to go on, though run.json has nobody to write it."""
-    process = toy.start("run", "ring.conf", "-o", "a", "--threads", "1", *words, steps=10**6, pause=0.005)
+    process = toy.start(*RUN_A, *words, steps=10**6, pause=0.005)
     assert open_run(toy.folder / "a").summary["status"] == "running"
     if words:
         wait_until(lambda: toy.checkpoints("a"))
@@ -95,14 +95,14 @@ def test_a_run_that_was_killed_is_none_under_way(toy, words):
 
 
 def test_a_folder_that_is_removed_is_a_file_error(toy):
-    process = toy.start("run", "ring.conf", "-o", "a", "--threads", "1", **SLOW)
+    process = toy.start(*RUN_A, **SLOW)
     shutil.rmtree(toy.folder / "a")
     ended(process, 6)
 
 
 def test_checkpoints_do_not_follow_a_link(toy):
     words = ("--checkpoint-every", "20")
-    process = toy.start("run", "ring.conf", "-o", "a", "--threads", "1", *words, **SLOW)
+    process = toy.start(*RUN_A, *words, **SLOW)
     (toy.folder / "elsewhere").mkdir()
     (toy.folder / "elsewhere/00000001.h5").write_text("mine")
     folder = toy.folder / "a/checkpoints"
@@ -118,7 +118,7 @@ def test_checkpoints_do_not_follow_a_link(toy):
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_three_checkpoints_that_fail_are_the_end_that_run_json_tells(toy, ranks):
     words = ("--checkpoint-every", "20")
-    process = toy.start("run", "ring.conf", "-o", "a", "--threads", "1", *words, ranks=ranks, **SLOW)
+    process = toy.start(*RUN_A, *words, ranks=ranks, **SLOW)
     folder = toy.folder / "a/checkpoints"
     wait_until(lambda: toy.checkpoints("a"))
     (toy.folder / "a/old").write_text("a file in the way")
@@ -135,7 +135,7 @@ def test_three_checkpoints_that_fail_are_the_end_that_run_json_tells(toy, ranks)
 
 @pytest.mark.parametrize("content", ["", "{", "[]", "null", '{"status": "stopped", "history": 3}'])
 def test_a_damaged_run_json_stops_no_restart(toy, content):
-    assert toy("run", "ring.conf", "-o", "a", "--threads", "1", steps=100).returncode == 0
+    assert toy(*RUN_A, steps=100).returncode == 0
     (toy.folder / "a/run.json").write_text(content)
     done = toy("restart", "a", "--threads", "1", steps=300)
     assert done.returncode == 0, done.stderr
@@ -157,7 +157,7 @@ def test_a_folder_of_any_name_takes_a_run_and_a_restart(toy, name):
 
 
 def test_of_runs_started_at_once_in_one_folder_one_is_made(toy):
-    words = toy.words("run", "ring.conf", "-o", "a", "--threads", "1", steps=200, pause=0.005)
+    words = toy.words(*RUN_A, steps=200, pause=0.005)
     started = [
         subprocess.Popen(words, cwd=toy.folder, env=environment(), stderr=subprocess.PIPE, stdout=subprocess.PIPE)
         for _ in range(4)

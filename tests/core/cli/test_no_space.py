@@ -1,14 +1,11 @@
 """No space left, played by a limit on the size of files: clean errors, code 6, nothing half written."""
 
+from toy_runner import RUN_A
+
 
 def run_limited(toy, *words, **settings):
     """On two ranks, none of which can write a file beyond 4 MiB once the step loop is near."""
-    return toy(
-        *("run", "ring.conf", "-o", "a", "--threads", "1", *words),
-        ranks=2,
-        fault__kind='"full disk"',
-        **settings,
-    )
+    return toy(*RUN_A, *words, ranks=2, fault__kind='"full disk"', **settings)
 
 
 def test_the_third_failed_checkpoint_ends_the_run(toy):

@@ -6,14 +6,14 @@ import shutil
 import subprocess
 
 import pytest
-from toy_runner import TOY, Toy, environment
+from toy_runner import RUN_A, TOY, Toy, environment
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     """100 steps on two ranks."""
     toy = Toy(tmp_path_factory.mktemp("half"))
-    done = toy("run", "ring.conf", "-o", "a", "--threads", "1", ranks=2, steps=100)
+    done = toy(*RUN_A, ranks=2, steps=100)
     assert done.returncode == 0, done.stderr
     return toy.folder / "a"
 
@@ -126,7 +126,7 @@ def test_a_forced_run_goes_on(toy):
 
 
 def test_a_damaged_checkpoint_is_passed_over(toy):
-    toy("run", "ring.conf", "-o", "a", "--threads", "1", "--checkpoint-every", "50", steps=100)
+    toy(*RUN_A, "--checkpoint-every", "50", steps=100)
     newest = toy.folder / "a/checkpoints/00000100.h5"
     content = bytearray(newest.read_bytes())
     content[len(content) // 2] ^= 1

@@ -6,7 +6,7 @@ import re
 from types import SimpleNamespace
 
 import pytest
-from toy_runner import Toy
+from toy_runner import RUN_A, Toy
 
 from hpcpic.core import memory
 from hpcpic.core.cli.job import require_memory
@@ -22,7 +22,7 @@ KEYS = {
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     toy = Toy(tmp_path_factory.mktemp("finished"))
-    done = toy("run", "ring.conf", "-o", "a", "--threads", "1", output__field=100, output__particle=100)
+    done = toy(*RUN_A, output__field=100, output__particle=100)
     assert done.returncode == 0, done.stderr
     return toy, done
 

@@ -10,7 +10,7 @@ import time
 
 import psutil
 import pytest
-from toy_runner import MPIRUN, ROOT, TOY, environment
+from toy_runner import MPIRUN, ROOT, RUN_A, TOY, environment
 
 SLOW = {"steps": 300, "pause": 0.005}
 
@@ -42,14 +42,14 @@ own_ending = pytest.mark.skipif(
 
 @pytest.mark.parametrize("name, restart_ranks", [pytest.param("SIGTERM", 1, marks=own_ending), ("SIGUSR1", 3)])
 def test_signal_to_mpirun(toy, name, restart_ranks):
-    process = toy.start("run", "ring.conf", "-o", "a", "--threads", "1", ranks=2, **SLOW)
+    process = toy.start(*RUN_A, ranks=2, **SLOW)
     process.send_signal(signal.Signals[name])
     check_stopped_and_goes_on(toy, process, name, restart_ranks)
 
 
 @pytest.mark.parametrize("name, restart_ranks", [("SIGINT", 2), ("SIGHUP", 1), ("SIGXCPU", 1)])
 def test_signal_to_a_single_process(hangups, toy, name, restart_ranks):
-    process = toy.start("run", "ring.conf", "-o", "a", "--threads", "1", **SLOW)
+    process = toy.start(*RUN_A, **SLOW)
     process.send_signal(signal.Signals[name])
     check_stopped_and_goes_on(toy, process, name, restart_ranks)
 
@@ -57,7 +57,7 @@ def test_signal_to_a_single_process(hangups, toy, name, restart_ranks):
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGUSR2", "SIGHUP"])
 def test_signal_to_one_rank_stops_all_at_one_step(hangups, toy, name):
     """SIGUSR2 and SIGHUP end MPICH's launcher itself: who sends them sends them to the ranks."""
-    process = toy.start("run", "ring.conf", "-o", "a", "--threads", "1", ranks=2, **SLOW)
+    process = toy.start(*RUN_A, ranks=2, **SLOW)
     os.kill(ranks_of(process)[-1], signal.Signals[name])
     check_stopped_and_goes_on(toy, process, name, 2)
 
@@ -87,14 +87,14 @@ def test_a_rank_that_leaves_before_mpi_starts_takes_the_others_along(toy, error,
 
 
 def test_stop_file_is_taken_away_by_the_restart(toy):
-    process = toy.start("run", "ring.conf", "-o", "a", "--threads", "1", **SLOW)
+    process = toy.start(*RUN_A, **SLOW)
     (toy.folder / "a" / "STOP").touch()
     check_stopped_and_goes_on(toy, process, "STOP")
     assert not (toy.folder / "a" / "STOP").exists()
 
 
 def test_stop_comes_promptly(toy):
-    process = toy.start("run", "ring.conf", "-o", "a", "--threads", "1", steps=100000, pause=0.001)
+    process = toy.start(*RUN_A, steps=100000, pause=0.001)
     begin = time.monotonic()
     process.send_signal(signal.SIGTERM)
     process.communicate(timeout=20)
@@ -104,7 +104,7 @@ def test_stop_comes_promptly(toy):
 
 def test_wall_limit_ends_before_it(toy):
     begin = time.monotonic()
-    done = toy("run", "ring.conf", "-o", "a", "--threads", "1", "--wall", "0:10", steps=100000, pause=0.005)
+    done = toy(*RUN_A, "--wall", "0:10", steps=100000, pause=0.005)
     assert done.returncode == 5, done.stderr
     assert "wall clock" in done.stdout
     assert toy.facts("a")["wall_seconds"] < 10.0 < time.monotonic() - begin + 10.0
@@ -112,31 +112,20 @@ def test_wall_limit_ends_before_it(toy):
 
 
 def test_wall_limit_shorter_than_the_start_still_leaves_a_checkpoint(toy):
-    done = toy("run", "ring.conf", "-o", "a", "--threads", "1", "--wall", "0", steps=100000)
+    done = toy(*RUN_A, "--wall", "0", steps=100000)
     assert done.returncode == 5, done.stderr
     assert toy.checkpoints("a") == [0]
 
 
 def test_end_of_the_slurm_job_is_a_wall_limit(toy):
     env = {"SLURM_JOB_END_TIME": str(int(time.time()) + 5)}
-    done = toy("run", "ring.conf", "-o", "a", "--threads", "1", env=env, steps=100000, pause=0.005)
+    done = toy(*RUN_A, env=env, steps=100000, pause=0.005)
     assert done.returncode == 5 and "wall clock" in done.stdout
 
 
 @own_ending
 def test_second_interrupt_ends_at_once(toy):
-    process = toy.start(
-        "run",
-        "ring.conf",
-        "-o",
-        "a",
-        "--threads",
-        "1",
-        ranks=2,
-        steps=50,
-        fault__kind='"hang"',
-        fault__step=1,
-    )
+    process = toy.start(*RUN_A, ranks=2, steps=50, fault__kind='"hang"', fault__step=1)
     process.send_signal(signal.SIGINT)
     time.sleep(1.0)  # more than the echo of one Ctrl-C
     for rank in ranks_of(process):

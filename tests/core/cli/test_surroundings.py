@@ -8,7 +8,7 @@ import subprocess
 import sys
 
 import pytest
-from toy_runner import environment
+from toy_runner import RUN_A, environment
 
 # a terminal and files of ASCII
 NARROW = {"PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "LC_ALL": "C", "PYTHONIOENCODING": "ascii"}
@@ -25,7 +25,7 @@ def shell(toy, words, streams="", **env):
 
 @pytest.mark.parametrize("streams", [">&-", "<&- >&- 2>&-", ">/dev/full 2>&1", "| true"])
 def test_a_screen_that_is_closed_or_full_or_gone_ends_no_run(toy, streams):
-    done = shell(toy, ("run", "ring.conf", "-o", "a", "--threads", "1"), streams)
+    done = shell(toy, RUN_A, streams)
     assert done.returncode == 0 and "Traceback" not in done.stderr, done.stderr
     facts = toy.facts("a")
     assert (facts["status"], facts["exit_code"], facts["steps"]) == ("finished", 0, 200)

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from app_runner import TIMEOUT_S, launch
 from click.testing import CliRunner
-from toy_runner import ROOT, environment
+from toy_runner import ROOT, RUN_A, environment
 
 from hpcpic.core.app.text import table
 from hpcpic.core.case.config import load
@@ -191,7 +191,7 @@ def test_compare_is_exit_3_beyond_the_tolerance(toy):
 
 
 def test_a_run_under_way_says_on_what_it_runs_and_has_no_final_state_yet(toy):
-    process = toy.start("run", "ring.conf", "-o", "a", "--threads", "1", ranks=2, steps=10**6, pause=0.01)
+    process = toy.start(*RUN_A, ranks=2, steps=10**6, pause=0.01)
     facts = toy.facts("a")
     assert (facts["status"], facts["ranks"], facts["threads"], facts["nodes"]) == ("running", 2, 1, 50)
     assert "final state: not known" in toy("compare", "a", "a").stdout
@@ -201,7 +201,7 @@ def test_a_run_under_way_says_on_what_it_runs_and_has_no_final_state_yet(toy):
 
 def test_runs_of_another_program_are_not_compared(toy):
     """As in all verbs that read a run: what two programs have in common by name is nothing to compare."""
-    assert toy("run", "ring.conf", "-o", "a", "--threads", "1", steps=10).returncode == 0
+    assert toy(*RUN_A, steps=10).returncode == 0
     facts = toy.facts("a")
     shutil.copytree(toy.folder / "a", toy.folder / "b")
     (toy.folder / "b/run.json").write_text(json.dumps(facts | {"program": "other"}))
@@ -236,17 +236,7 @@ def test_compare_with_a_run_that_has_just_begun_is_exit_3(toy):
 
 
 def test_export_writes_what_other_programs_read(toy):
-    toy(
-        "run",
-        "ring.conf",
-        "-o",
-        "a",
-        "--threads",
-        "1",
-        output__field=100,
-        output__particle=200,
-        output__openpmd=100,
-    )
+    toy(*RUN_A, output__field=100, output__particle=200, output__openpmd=100)
     done = toy("export", "a", "--to", "csv,vtkhdf,openpmd")
     assert done.returncode == 0, done.stderr
     rows = list(csv.reader((toy.folder / "a/export/csv/points-00000200.csv").open()))
@@ -263,7 +253,7 @@ def test_export_writes_what_other_programs_read(toy):
 
 @pytest.mark.parametrize("verb", ["export", "report"])
 def test_a_place_that_cannot_be_written_is_exit_6_in_one_line(toy, verb):
-    toy("run", "ring.conf", "-o", "a", "--threads", "1", steps=5, output__field=5)
+    toy(*RUN_A, steps=5, output__field=5)
     (toy.folder / "file").write_text("")
     done = toy(verb, "a", "-o", "file/x/y")
     assert done.returncode == 6 and done.stderr.count("\n") == 1 and "file/x" in done.stderr
