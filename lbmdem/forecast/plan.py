@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
-from hpcpic.core.app.forecast import imports, slabs
+from hpcpic.core.app.forecast import array_lines, imports, listed, slabs
 from hpcpic.core.space.declared import Array
 from lbmdem.case.boundaries import Obstacle
 from lbmdem.case.config import AXES, LbmDemConfig
@@ -138,12 +138,9 @@ def messages(config: LbmDemConfig, ranks: int) -> list[str]:
 
 def plan(config: LbmDemConfig, ranks: int, threads: int) -> list[str]:
     """Lines for `check --plan`."""
-    lines = ["kernels of a step", *(f"  {line}" for line in kernels(config))]
-    lines += [*slabs(first_cuts(config, ranks)), "arrays per rank"]
-    for array in arrays(config, ranks):
-        shape = " x ".join(map(str, array.shape))
-        lines.append(f"  {array.name:<26}{shape:<24}{array.dtype:<12}{array.bytes / 2**20:10.2f} MiB")
+    lines = listed("kernels of a step", kernels(config)) + slabs(first_cuts(config, ranks))
+    lines += listed("arrays per rank", array_lines(arrays(config, ranks)))
     if config.fluid and (config.grains or config.obstacle) and (not config.grains_move or config.coupling.frozen):
         lines.append("  links: as many as surfaces of this size have on the mean; a run finds them when it starts")
-    lines += ["messages of a step, per rank", *(f"  {line}" for line in messages(config, ranks))]
+    lines += listed("messages of a step, per rank", messages(config, ranks))
     return lines + imports(*["scipy.special"] * any(grains.diameters for grains in config.grains))

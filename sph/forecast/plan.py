@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from hpcpic.core.app.forecast import imports
+from hpcpic.core.app.forecast import imports, listed
 from hpcpic.core.space.declared import Array
 from sph.case import config as case
 from sph.case import geometry
@@ -138,11 +138,11 @@ def messages(ranks: int) -> list[str]:
 
 def plan(config: SphConfig, ranks: int, threads: int) -> list[str]:
     """Lines for `check --plan`."""
-    lines = ["sums of an evaluation", *(f"  {line}" for line in sums(config)), "arrays per rank"]
+    lines = [*listed("sums of an evaluation", sums(config)), "arrays per rank"]
     for array in arrays(config, ranks):
         *columns, n = map(int, array.shape)
         name = f"{array.name:<12}{array.text[:60]}" if array.text else array.name
         lines.append(f"  {name:<74}{math.prod(columns):>3} x {n:<12}{array.bytes / MIB:10.2f} MiB")
-    lines += ["messages of a step, per rank", *(f"  {line}" for line in messages(ranks))]
+    lines += listed("messages of a step, per rank", messages(ranks))
     solids = any(shape.stl for shape in shapes_of(config))
     return lines + imports(*["trimesh"] * solids)

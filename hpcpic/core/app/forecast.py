@@ -1,16 +1,23 @@
 """What a program forecasts of a run before it starts, in the form that check, estimate and the report read."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+
+from hpcpic.core.space.declared import Array
 
 OF_EVERY_RUN = ("click", "lark", "pydantic", "numpy", "numba", "mpi4py", "h5py")
 LISTED = 16  # ranks, at most, whose rows are told one by one
 
 
+def listed(title: str, lines: Iterable[str]) -> list[str]:
+    """Lines for `check --plan` under a title."""
+    return [title, *(f"  {line}" for line in lines)]
+
+
 def imports(*of_the_scene: str) -> list[str]:
     """Lines for `check --plan`: the libraries that a run imports, those of every run and those of this scene."""
-    return ["imports of a run", f"  {', '.join((*OF_EVERY_RUN, *of_the_scene))}"]
+    return listed("imports of a run", [", ".join((*OF_EVERY_RUN, *of_the_scene))])
 
 
 def slabs(cuts: Sequence[int]) -> list[str]:
@@ -18,6 +25,13 @@ def slabs(cuts: Sequence[int]) -> list[str]:
     rows = [high - low for low, high in pairwise(cuts)]
     told = " ".join(map(str, rows)) if len(rows) <= LISTED else f"{min(rows)} to {max(rows)}"
     return ["slabs of the ranks, by their cost at the start", f"  rows       {told}"] if len(rows) > 1 else []
+
+
+def array_lines(arrays: Iterable[Array]) -> Iterator[str]:
+    """Name, shape, type and size of each array."""
+    for array in arrays:
+        shape = " x ".join(map(str, array.shape))
+        yield f"{array.name:<26}{shape:<24}{array.dtype:<12}{array.bytes / 2**20:10.2f} MiB"
 
 
 @dataclass(frozen=True, slots=True)

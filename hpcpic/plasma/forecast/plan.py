@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
-from hpcpic.core.app.forecast import imports, slabs
+from hpcpic.core.app.forecast import array_lines, imports, listed, slabs
 from hpcpic.core.comm.shared_memory import FOLDER as SHARED_MEMORY
 from hpcpic.core.space.declared import Array
 from hpcpic.plasma.case.config import PlasmaConfig, rotation, velocity_components
@@ -151,11 +151,8 @@ def messages(config: PlasmaConfig, ranks: int) -> list[str]:
 
 def plan(config: PlasmaConfig, ranks: int, threads: int) -> list[str]:
     """Lines for `check --plan`."""
-    lines = ["kernels of a step", *(f"  {line}" for line in kernels(config))]
-    lines += [*slabs(first_cuts(config, ranks)), "arrays per rank"]
-    for array in arrays(config, ranks, threads):
-        shape = " x ".join(map(str, array.shape))
-        lines.append(f"  {array.name:<26}{shape:<24}{array.dtype:<12}{array.bytes / 2**20:10.2f} MiB")
-    lines += ["messages of a step, per rank", *(f"  {line}" for line in messages(config, ranks))]
+    lines = listed("kernels of a step", kernels(config)) + slabs(first_cuts(config, ranks))
+    lines += listed("arrays per rank", array_lines(arrays(config, ranks, threads)))
+    lines += listed("messages of a step, per rank", messages(config, ranks))
     solver = "scipy.sparse" if config.simulation.solver == "LU" else "FFTW (the library of pyfftw alone)"
     return lines + imports(solver)
