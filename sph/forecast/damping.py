@@ -10,7 +10,7 @@ from hpcpic.core.case.derived import Derived
 from sph.case import geometry
 from sph.case.config import SphConfig
 from sph.physics.stability import physical_viscosity
-from sph.physics.viscosities import VISCOSITIES
+from sph.physics.viscosities import viscosity_of
 from sph.physics.wall_rules import rule_of
 from sph.setup.speeds import lost_in_a_period
 from sph.setup.tanks import free_surface
@@ -21,10 +21,10 @@ MATTERS = 0.1  # 2 nu k^2 t, of a wave within its period, of a drop within the r
 
 def damping(config: SphConfig) -> Iterator[Derived]:
     """A row where viscosity matters to a liquid with a free surface."""
-    form = VISCOSITIES[config.numerics.viscosity_form or "none"]
+    form = viscosity_of(config.numerics.viscosity_form)
     if not form.along_velocity or lost(config) <= MATTERS or not free_surface(config):
         return
-    known = all(rule_of(wall.type).knows(VISCOSITIES["full-stress"]) for wall in config.wall)
+    known = all(rule_of(wall.type).knows(viscosity_of("full-stress")) for wall in config.wall)
     cure = 'viscosity_form = "full-stress"'
     cure += ": 0.97" if known else ' with wall.type left out: 0.97; viscosity_form = "cleary": 1.12'
     source = "a wave as long as it is deep, measured; honey spreads by a fifth more, what spins freely is slowed down"

@@ -16,7 +16,7 @@ from sph.physics import stability
 from sph.physics.fluxes import FLUXES
 from sph.physics.liquids import liquids_of
 from sph.physics.smoothing import SMOOTHING
-from sph.physics.viscosities import VISCOSITIES
+from sph.physics.viscosities import viscosity_of
 from sph.physics.wall_rules import rule_of
 from sph.setup.mirror_groups import most_images
 from sph.setup.obstacles import DOMAIN, too_near
@@ -195,7 +195,7 @@ def decoupling(config: SphConfig) -> Iterator[Derived]:
     takes nothing from it. Only pressure keeps particles in rows, in which it does not grow.
     """
     mirrors = any(rule_of(wall.type).face_images for wall in config.wall)
-    if VISCOSITIES[config.numerics.viscosity_form or "none"].stress and mirrors:
+    if viscosity_of(config.numerics.viscosity_form).stress and mirrors:
         factor = config.sound_speed / (config.eos.max_velocity or config.sound_speed)
         verdict: Verdict = "ok" if factor >= STIFF * (1 - 1e-9) else "fail"
         cure = "" if verdict == "ok" else f'sound_speed_factor = {STIFF}, or viscosity_form = "morris"'

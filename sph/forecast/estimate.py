@@ -18,7 +18,7 @@ from sph.physics import stability
 from sph.physics.fluxes import FLUXES
 from sph.physics.integrators import INTEGRATORS
 from sph.physics.stability import support_of
-from sph.physics.viscosities import VISCOSITIES
+from sph.physics.viscosities import viscosity_of
 from sph.physics.wall_rules import rule_of
 from sph.sizes import LEVELS
 
@@ -194,7 +194,7 @@ def sample_seconds(config: SphConfig, rates: Mapping[str, float]) -> float:
 def sums(config: SphConfig) -> float:
     """Evaluations of all pair sums that a step is worth."""
     integrator, numerics = INTEGRATORS[config.simulation.integrator], config.numerics
-    viscosity = VISCOSITIES[numerics.viscosity_form or "none"]
+    viscosity = viscosity_of(numerics.viscosity_form)
     more = [(DELTA, "g" in FLUXES[numerics.density_flux].columns), (SHIFTS, numerics.shifting)]
     more += [(STRAIN, viscosity.stress), (FULL_STRESS, viscosity.transposed is not None)]
     return integrator.work + integrator.evaluations * sum(cost[config.dimensions - 2] for cost, used in more if used)

@@ -13,7 +13,7 @@ from sph.particles.arrays import arrays_of
 from sph.physics.fluxes import FLUXES
 from sph.physics.integrators import INTEGRATORS
 from sph.physics.stability import support_of
-from sph.physics.viscosities import VISCOSITIES
+from sph.physics.viscosities import viscosity_of
 from sph.physics.wall_rules import rule_of
 from sph.setup.pair_numbers import pair_spec_of
 from sph.setup.scene import AHEAD, Scene, Wall
@@ -99,7 +99,7 @@ def sums(config: SphConfig) -> list[str]:
         terms.append(f"density flux             {numerics.density_flux}, {numerics.flux_coefficient:g}")
     if "g" in flux.columns or numerics.gradient_correction:
         terms.append(f"renormalised gradient    {d * (d + 1) // 2} + {d} sums more")
-    viscosity = VISCOSITIES[numerics.viscosity_form or "none"]
+    viscosity = viscosity_of(numerics.viscosity_form)
     if viscosity.physical:
         passes = ", two passes" if viscosity.sees_strain else ""
         terms.append(f"viscosity                {numerics.viscosity_form}{passes}")

@@ -14,7 +14,7 @@ from sph.physics.equation_of_state import EquationOfState
 from sph.physics.fluxes import FLUXES
 from sph.physics.liquids import liquids_of
 from sph.physics.smoothing import SMOOTHING
-from sph.physics.viscosities import VISCOSITIES
+from sph.physics.viscosities import viscosity_of
 from sph.physics.waves import cleary_constant
 
 LEAST_DETERMINANT = 0.1  # of a matrix that is inverted
@@ -41,7 +41,7 @@ class Reference:
         self.mu = liquids.viscosity * (2 / self._both(fluidity) if liquids.several else 1.0)  # of pairs (SC 6)
         self.alike = np.equal.outer(self.swift, self.swift)
         eos = EquationOfState(self.rho0, self.c, self.gamma, config.eos.background_pressure or 0.0)
-        self.viscosity, self.sound = VISCOSITIES[config.numerics.viscosity_form or "none"], eos.sound_speed(drho)
+        self.viscosity, self.sound = viscosity_of(config.numerics.viscosity_form), eos.sound_speed(drho)
         self.smoothing = SMOOTHING[config.numerics.kernel]
         self.rho, self.volume = self.rho0 + drho, self.rest / (self.rho0 + drho)
         self.p = eos.pressure(drho) + eos.background  # (MP 14)

@@ -15,7 +15,7 @@ from sph.physics.fluxes import FLUXES
 from sph.physics.integrators import INTEGRATORS
 from sph.physics.liquids import liquids_of
 from sph.physics.smoothing import SMOOTHING
-from sph.physics.viscosities import VISCOSITIES
+from sph.physics.viscosities import viscosity_of
 from sph.physics.waves import waves_of
 
 GROWTH = 1e-3  # per step, that counts as stable: an explicit run is short beside 1 / GROWTH steps of growth
@@ -41,8 +41,7 @@ def kinematic_viscosity(config: SphConfig) -> float:
 
 def physical_viscosity(config: SphConfig) -> float:
     """nu of the fluid, m2/s, where a term of the pair sums has it; else 0."""
-    form = config.numerics.viscosity_form
-    return kinematic_viscosity(config) if form and VISCOSITIES[form].physical else 0.0
+    return kinematic_viscosity(config) if viscosity_of(config.numerics.viscosity_form).physical else 0.0
 
 
 def amplification(integrator: str, a: NDArray, l: NDArray, n: NDArray, z: float) -> float:
@@ -59,7 +58,7 @@ def decays(config: SphConfig, viscous: bool) -> tuple[NDArray, NDArray, NDArray]
     numerics = config.numerics
     waves = waves_of(numerics.kernel, config.dimensions, numerics.smoothing)
     n = (numerics.artificial_viscosity or 0.0) * waves.pairs
-    decay = VISCOSITIES[numerics.viscosity_form].decay if numerics.viscosity_form else None
+    decay = viscosity_of(numerics.viscosity_form).decay
     if viscous and decay:
         n = n + kinematic_viscosity(config) / (config.sound_speed * config.h) * decay(waves)
     return waves.acoustic, (numerics.flux_coefficient or 0.0) * FLUXES[numerics.density_flux].decay(waves), n
@@ -102,7 +101,7 @@ def grows(config: SphConfig, z: float) -> float:
 def viscous_limit(config: SphConfig) -> float:
     """Limit of nu dt / h^2: the customary one, or less where the integrator would not stand the fastest decay."""
     numerics = config.numerics
-    decay = VISCOSITIES[numerics.viscosity_form].decay if numerics.viscosity_form else None
+    decay = viscosity_of(numerics.viscosity_form).decay
     if decay is None:
         return MAX_VISCOUS_STEP
     fastest = decay(waves_of(numerics.kernel, config.dimensions, numerics.smoothing)).max()

@@ -68,3 +68,8 @@ VISCOSITIES = {
         calibrated=True,
     ),
 }
+
+
+def viscosity_of(form: str | None) -> Viscosity:
+    """That of a form in a case, which is none where it gives none."""
+    return VISCOSITIES[form or "none"]

@@ -20,7 +20,7 @@ from sph.physics import stability
 from sph.physics.integrators import INTEGRATORS
 from sph.physics.liquids import liquids_of
 from sph.physics.smoothing import SMOOTHING
-from sph.physics.viscosities import VISCOSITIES
+from sph.physics.viscosities import viscosity_of
 from sph.physics.wall_rules import WALL_RULES
 from sph.setup import opening_checks, periodic_walls
 from sph.setup.defaults import domain_of
@@ -209,11 +209,11 @@ def relations(config: SphConfig) -> Iterator[Fault]:
     if not moving and not speed_scale(config):
         yield ("eos",), "max_velocity or sound_speed is missing: nothing tells a speed, as gravity or what moves does"
     viscous = any(fluid.dynamic_viscosity for fluid in config.fluid)
-    if VISCOSITIES[config.numerics.viscosity_form or "none"].physical and not viscous:
+    if viscosity_of(config.numerics.viscosity_form).physical and not viscous:
         yield ("numerics", "viscosity_form"), 'needs a fluid with viscosity > 0, or "none"'
     for i, wall in enumerate(config.wall):
         form = config.numerics.viscosity_form or "none"
-        if wall.type and not WALL_RULES[wall.type].knows(VISCOSITIES[form]):
+        if wall.type and not WALL_RULES[wall.type].knows(viscosity_of(form)):
             text = f'"{wall.type}" does not know viscosity_form = "{form}": "morris", or leave the type out'
             yield ("wall", i, "type"), text
     integrator = config.simulation.integrator
@@ -244,7 +244,7 @@ def liquid_faults(config: SphConfig) -> Iterator[Fault]:
         for i, _ in enumerate(getattr(config, group)):
             yield (group, i), f"an {group} does not know {these}"
     form = config.numerics.viscosity_form
-    if form and VISCOSITIES[form].stress:
+    if viscosity_of(form).stress:
         text = f'"{form}" does not know {these}: "full-stress", "morris" or "cleary"'
         yield ("numerics", "viscosity_form"), text
     if config.numerics.shifting and liquids.densities:

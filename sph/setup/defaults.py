@@ -9,7 +9,7 @@ from sph.physics.fluxes import FLUXES
 from sph.physics.integrators import INTEGRATORS
 from sph.physics.liquids import liquids_of
 from sph.physics.stability import courant_limit
-from sph.physics.viscosities import VISCOSITIES
+from sph.physics.viscosities import viscosity_of
 from sph.physics.wall_rules import WALL_RULES
 from sph.setup import flows
 from sph.setup.speeds import speed_scale
@@ -72,8 +72,8 @@ def _wall(wall, d: int):
 
 def _wall_types(config: SphConfig) -> tuple[Wall, ...]:
     """The walls of a case of which fluids and numerics are completed, with their types."""
-    form = config.numerics.viscosity_form or "none"
-    sticks = VISCOSITIES[form].physical and any(fluid.dynamic_viscosity for fluid in config.fluid)
+    form = viscosity_of(config.numerics.viscosity_form)
+    sticks = form.physical and any(fluid.dynamic_viscosity for fluid in config.fluid)
     kind = "extrapolated-no-slip" if sticks else "extrapolated-free-slip"
     return tuple(wall if wall.type else wall.model_copy(update={"type": kind}) for wall in config.wall)
 
@@ -98,7 +98,7 @@ def domain_of(config: SphConfig) -> Domain:
 
 def _viscosity_form(config: SphConfig) -> str:
     """The form for a viscous fluid: right at a free surface, if there is one and the walls know it."""
-    full = VISCOSITIES["full-stress"]
+    full = viscosity_of("full-stress")
     known = all(WALL_RULES[wall.type].knows(full) for wall in config.wall if wall.type)
     return "full-stress" if known and free_surface(config) else "morris"
 
@@ -108,14 +108,14 @@ def _numerics(config: SphConfig):
     viscous = any(fluid.dynamic_viscosity for fluid in config.fluid)
     form = numerics.viscosity_form or (_viscosity_form(config) if viscous else "artificial")
     flux, alpha = numerics.flux_coefficient, numerics.artificial_viscosity
-    shifts = VISCOSITIES[form].laplacian and not numerics.gradient_correction and not liquids_of(config).several
+    shifts = viscosity_of(form).laplacian and not numerics.gradient_correction and not liquids_of(config).several
     shifts &= INTEGRATORS[config.simulation.integrator].split  # else rates of density do not know them
     return numerics.model_copy(
         update={
             "viscosity_form": form,
             "shifting": shifts if numerics.shifting is None else numerics.shifting,
             "flux_coefficient": FLUXES[numerics.density_flux].coefficient if flux is None else flux,
-            "artificial_viscosity": VISCOSITIES[form].artificial if alpha is None else alpha,
+            "artificial_viscosity": viscosity_of(form).artificial if alpha is None else alpha,
         }
     )
 

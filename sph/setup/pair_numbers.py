@@ -11,7 +11,7 @@ from sph.physics.liquids import liquids_of
 from sph.physics.pair_spec import NUMBERS, UNIT, PairSpec
 from sph.physics.smoothing import SMOOTHING, Smoothing
 from sph.physics.terms import BODY_CORE, CORE, SPACE_CORE, WIDE_CORE
-from sph.physics.viscosities import VISCOSITIES
+from sph.physics.viscosities import viscosity_of
 from sph.physics.wall_rules import rule_of
 from sph.physics.waves import cleary_constant
 from sph.setup.scene import Scene
@@ -45,15 +45,15 @@ def pair_spec_of(config: SphConfig, others: bool, films: bool = False) -> PairSp
     """What the kernels of a case are made for. others: there are walls, or images of the fluid; films: solids that stay
     press on others across a film.
     """
-    numerics, form = config.numerics, config.numerics.viscosity_form or "none"
+    numerics, form = config.numerics, viscosity_of(config.numerics.viscosity_form)
     rules = [rule_of(wall.type) for wall in config.wall]
     liquids = liquids_of(config)
-    viscous = liquids.viscosity > 0 and VISCOSITIES[form].physical
+    viscous = liquids.viscosity > 0 and form.physical
     return PairSpec(
         config.dimensions,
         numerics.kernel,
         flux=FLUXES[numerics.density_flux if numerics.flux_coefficient else "none"],
-        viscosity=VISCOSITIES[form if viscous else "none"],
+        viscosity=form if viscous else viscosity_of("none"),
         artificial=bool(numerics.artificial_viscosity),
         single=numerics.precision == "single",
         walls=others,
@@ -78,7 +78,7 @@ def pair_spec_of(config: SphConfig, others: bool, films: bool = False) -> PairSp
         films=films or any(rule.extrapolated and wall.body for rule, wall in zip(rules, config.wall)),
         edges=any(rule.has_edges(bool(wall.body), liquids) for rule, wall in zip(rules, config.wall)),
         wetted=viscous
-        and VISCOSITIES[form].along_velocity
+        and form.along_velocity
         and any(wall.body and not rule.slips for rule, wall in zip(rules, config.wall)),
     )
 
