@@ -102,3 +102,13 @@ def test_every_docstring_can_be_read_alone():
                 if text.startswith(beginnings):
                     found.append(f"{name}.{getattr(node, 'name', '')}: {text[:40]}")
     assert not found, f"{len(found)}"
+
+
+def test_the_faults_of_the_mutants_stand_in_the_sources(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+    import mutate
+
+    stale = [(fault.number, fault.file, fault.before) for fault in mutate.faults()
+             if (ROOT / fault.file).read_text().count(fault.before) != 1]  # fmt: skip
+    gone = {path for fault in mutate.faults() for path in fault.area.tests if not (ROOT / path.split("::")[0]).exists()}
+    assert not stale and not gone, "bring scripts/mutate.txt up to date"
