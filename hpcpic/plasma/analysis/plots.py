@@ -39,6 +39,7 @@ from hpcpic.plasma.analysis.particle_plots import (
 )
 from hpcpic.plasma.analysis.predictions import beams, compare_mode, config_of, predict, scaled
 from hpcpic.plasma.case.config import PlasmaConfig, mode_columns
+from hpcpic.plasma.forecast.noise import noise_over_wave
 from hpcpic.plasma.forecast.scales import spacing
 from hpcpic.plasma.forecast.turning import fastest_turn
 from hpcpic.plasma.physics.dispersion import total_frequency
@@ -170,7 +171,7 @@ def modes(run: Run, step: int | None = None) -> Figure:
     amplitude = found[chosen]
     if not amplitude.any():
         raise NoData("there is no field")
-    compared = compare_mode(t, amplitude, predict(config, chosen))
+    compared = compare_mode(t, amplitude, predict(config, chosen), noise_over_wave(config, chosen))
     with style():
         figure, axes = new_figure(size=(6.4, 4.0))
         for mode, values in found.items():

@@ -161,12 +161,15 @@ class Compared:
     shown: tuple[float, float] | None = None
 
 
-def compare_mode(t: np.ndarray, amplitude: np.ndarray, law: Prediction | None) -> Compared:
-    """Fit what the law says the mode does: growth, damping or a steady wave; growth without a law."""
+def compare_mode(t: np.ndarray, amplitude: np.ndarray, law: Prediction | None, noise: float = 0.0) -> Compared:
+    """Fit what the law says the mode does: growth, damping or a steady wave; growth without a law.
+
+    noise: that of random places, of the wave that the case starts, as `noise_over_wave` knows it before the run.
+    """
     try:
         if law is None or law.omega.imag > 1e-6 * abs(law.omega):
             return _compare_growth(t, amplitude, law)
-        return _compare_damping(t, amplitude, law) if law.omega.imag < 0 else _compare_wave(t, amplitude, law)
+        return _compare_damping(t, amplitude, law, noise) if law.omega.imag < 0 else _compare_wave(t, amplitude, law)
     except series_analysis.NoFit as error:
         return Compared(f"not fitted: {error}")
 
@@ -182,11 +185,11 @@ def _compare_growth(t: np.ndarray, amplitude: np.ndarray, law: Prediction | None
     return Compared(words, np.where(line <= 2.0 * amplitude.max(), line, np.nan))
 
 
-def _compare_damping(t: np.ndarray, amplitude: np.ndarray, law: Prediction) -> Compared:
+def _compare_damping(t: np.ndarray, amplitude: np.ndarray, law: Prediction, known: float) -> Compared:
     times, heights = series_analysis.peaks(t, amplitude)
     if times.size < 4:
         raise series_analysis.NoFit("fewer than four maxima")
-    noise = series_analysis.noise_of(times, heights, law.omega.imag)
+    noise = max(series_analysis.noise_of(times, heights, law.omega.imag), known * amplitude.max())
     below = np.flatnonzero(heights < OVER_NOISE * noise)
     last = min(8, (int(below[0]) if below.size else times.size) - 1)
     if last < 3:

@@ -13,8 +13,8 @@ import numpy as np
 
 ROUND_OFF = 1e-14  # of a signal: what swings by less is noise of the arithmetic
 STEADY = 0.25  # of a growth rate: one that is known worse is none, as where a wave that has started swings on
-
-
+RISE = 1.0  # e-folds above all that the wave was before, without which it swings or is noise
+SWINGS = 2.0  # times the wave's own swing that it must grow in
 STILL = 0.3  # of a rate of decay: maxima that fall more slowly are noise
 
 
@@ -65,11 +65,13 @@ def growth_rate(t: np.ndarray, amplitude: np.ndarray, efolds: float = 2.0) -> Gr
 
     All windows before the maximum over which the amplitude grows by at least `efolds` (a third of its whole
     growth when that is more) are compared; the smallest relative standard error wins, which drops the noise
-    before and the saturation after. The error adds half the difference of the slopes of the window's two
-    halves, which is what curvature left in it would do. Raises NoFit when nothing grows that much, or that steadily.
+    before and the saturation after. A window that ends less than RISE above all that was before it, or is shorter
+    than SWINGS of its swings, is a beat and does not count. The error adds half the difference of the slopes of the
+    window's two halves, which is what curvature left in it would do. Raises NoFit when nothing grows that much, or
+    that steadily.
     """
     top = int(np.argmax(amplitude)) + 1
-    positive = amplitude[:top] > 0
+    positive = amplitude[:top] > ROUND_OFF * amplitude.max()  # opposite charges may start as rounding
     t, y = t[:top][positive], np.log(amplitude[:top][positive])
     if t.size < 6:
         raise NoFit("no growth: fewer than six samples before the maximum")
@@ -79,6 +81,11 @@ def growth_rate(t: np.ndarray, amplitude: np.ndarray, efolds: float = 2.0) -> Gr
     good = (slope * (t[j] - t[i]) >= wanted) & (j - i >= 5)
     if not good.any():
         raise NoFit(f"no growth by {wanted:.1f} e-folds")
+    highest = np.concatenate(([-np.inf], np.maximum.accumulate(y)))  # before each sample
+    swings = np.array([swing(t[:end], y[:end]) for end in ends])[np.searchsorted(ends, i)]
+    good &= (y[j] >= highest[i] + RISE) & (t[j] - t[i] >= SWINGS * swings)
+    if not good.any():
+        raise NoFit("it grows at no steady rate: it swings, and does not rise above what it was before")
     best = np.flatnonzero(good)[np.argmin(error[good] / slope[good])]
     first, last, middle = i[best], j[best], (i[best] + j[best]) // 2
     halves = [
@@ -95,6 +102,13 @@ def growth_rate(t: np.ndarray, amplitude: np.ndarray, efolds: float = 2.0) -> Gr
         float(t[last]),
         float(start),
     )
+
+
+def swing(t: np.ndarray, y: np.ndarray) -> float:
+    """The median time between maxima of a signal; 0 with fewer than three."""
+    inner = y[1:-1]
+    tops = t[1:-1][(inner > y[:-2]) & (inner >= y[2:])]
+    return float(np.median(np.diff(tops))) if tops.size > 2 else 0.0
 
 
 def _first_frequency(t: np.ndarray, y: np.ndarray) -> float:
@@ -168,7 +182,8 @@ def _fit(t: np.ndarray, y: np.ndarray, frequency: float | None, rate: float, dam
         if np.abs(step).max() > 1e-6 * abs(omega):
             raise NoFit("the oscillation fit does not settle")
     freedom = max(t.size - jacobian.shape[1], 1)
-    covariance = np.linalg.pinv(jacobian.T @ jacobian) * (residual @ residual) / freedom
+    variance = (residual @ residual) / freedom * correlated(residual)
+    covariance = np.linalg.pinv(jacobian.T @ jacobian) * variance
     phase = float(np.arctan2(-b, a) - omega * origin)
     height = float(np.hypot(a, b) * np.exp(-rate * origin))
     return Oscillation(
@@ -181,6 +196,19 @@ def _fit(t: np.ndarray, y: np.ndarray, frequency: float | None, rate: float, dam
         float(np.sqrt(covariance[4, 4])) if damped else 0.0,
         float(np.sqrt(residual @ residual / t.size)),
     )
+
+
+def correlated(residual: np.ndarray) -> float:
+    """Samples of a residual for each one that is independent: 1 + 2 times the sum of its autocorrelation up to where
+    that is first negative; 1 of white noise.
+    """
+    n = residual.size
+    power = np.abs(np.fft.rfft(residual, 2 * n)) ** 2
+    covariance = np.fft.irfft(power, 2 * n)[:n]
+    if not covariance[0] > 0.0:
+        return 1.0
+    alike = np.append(covariance / covariance[0], -1.0)
+    return 1.0 + 2.0 * float(alike[1 : int(np.argmax(alike < 0.0))].sum())
 
 
 def signed(amplitude: np.ndarray) -> np.ndarray:

@@ -6,7 +6,13 @@ from collections.abc import Iterator
 from hpcpic.core.case.derived import Derived, judged
 from hpcpic.plasma.case.config import MOST_PARTICLES, PlasmaConfig, Species
 from hpcpic.plasma.forecast.densest import at_densest, densest
-from hpcpic.plasma.forecast.scales import field_axes, plasma_frequency, thermal_velocities, total_plasma_frequency
+from hpcpic.plasma.forecast.scales import (
+    charge_density,
+    field_axes,
+    plasma_frequency,
+    thermal_velocities,
+    total_plasma_frequency,
+)
 from hpcpic.plasma.setup.loaders import Loader, loader_of, random_places
 from hpcpic.plasma.setup.macro_particles import macro_charge, macro_mass
 
@@ -51,13 +57,10 @@ def wave_over_noise(config: PlasmaConfig, i: int, species: Species) -> Iterator[
     """The relative density of a wave over that of the same wave in N random places, which is 2/sqrt(N).
 
     The amplitude is 2/N |sum over particles of exp(-i k.x)|: that of n (1 - a cos(k.x)) is a, and in random places its
-    mean square is 4/N. Velocities b sin(k.x) make the amplitude k b/wp, a quarter of a period later.
+    mean square is 4/N.
     """
-    wave, wp = species.perturbation, total_plasma_frequency(config)
-    assert wave is not None and species.particles
-    k = 2 * math.pi * math.hypot(*(n / length for n, length in zip(wave.mode, config.simulation.space_length)))
-    amplitude = math.hypot(wave.amplitude, k * wave.velocity_amplitude / wp if wp else 0.0)
-    if not amplitude:
+    assert species.particles
+    if not (amplitude := started_amplitude(config, species)):
         return
     value = 0.5 * amplitude * math.sqrt(species.particles)
     ways = [f'species[{i}].init_method = "quiet"'] if type(loader_of(species)) is Loader else []
@@ -67,6 +70,37 @@ def wave_over_noise(config: PlasmaConfig, i: int, species: Species) -> Iterator[
         ok=value >= MIN_OVER_NOISE, legal=True, source="2/sqrt(N) of random places",
         cure=", or ".join(ways) or "a larger amplitude", key=("species", i, "particles"),
     )  # fmt: skip
+
+
+def noise_over_wave(config: PlasmaConfig, mode: tuple[int, ...]) -> float:
+    """The charge of a mode that random places leave in the plasma, its root mean square, over that of the wave that the
+    case starts; 0 where all places are even, infinite where it starts none.
+
+    In equilibrium charges are shielded: (k lambda_D)^2/(1 + (k lambda_D)^2) of the square is left.
+    """
+    noise = wave = shield = 0.0
+    size = 2 * math.pi * math.hypot(*(n / length for n, length in zip(mode, config.simulation.space_length)))
+    for species in config.species:
+        if not (charge := charge_density(config, species)):
+            continue
+        if species.perturbation and species.perturbation.mode in (mode, tuple(-n for n in mode)):
+            wave += charge * started_amplitude(config, species)
+        if random_places(species):
+            noise += charge * charge * 4 / species.particles
+        spread = max(thermal_velocities(config, species))
+        shield += (plasma_frequency(config, species) / spread) ** 2 if spread else 0.0
+    left = noise / (1 + shield / size**2)
+    return math.sqrt(left) / abs(wave) if wave else math.inf if left else 0.0
+
+
+def started_amplitude(config: PlasmaConfig, species: Species) -> float:
+    """The relative density of the wave that a species starts. Velocities b sin(k.x) make the amplitude k b/wp, a
+    quarter of a period later than that of the places.
+    """
+    wave, wp = species.perturbation, total_plasma_frequency(config)
+    assert wave is not None
+    k = 2 * math.pi * math.hypot(*(n / length for n, length in zip(wave.mode, config.simulation.space_length)))
+    return math.hypot(wave.amplitude, k * wave.velocity_amplitude / wp if wp else 0.0)
 
 
 def more_particles(i: int, species: Species, factor: float) -> str:

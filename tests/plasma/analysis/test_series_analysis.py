@@ -48,6 +48,34 @@ def test_a_wave_that_starts_from_nothing_and_swings_has_no_growth_rate(frequency
         series_analysis.growth_rate(T[1:], np.abs(np.sin(frequency * T[1:])) * (1.0 + 1e-3 * T[1:]))
 
 
+def thermal(seed, omega=1.2, damping=0.15, n=600, dt=0.5):
+    """Noise of a damped mode in equilibrium: complex[n] of mean square 1."""
+    draws = np.random.default_rng(seed).normal(size=(n + 200, 2)) @ (1.0, 1.0j)
+    turn, signal = np.exp((1j * omega - damping) * dt), np.zeros(n + 200, complex)
+    for i in range(1, len(signal)):
+        signal[i] = turn * signal[i - 1] + draws[i]
+    return signal[200:] * math.sqrt(0.5 * (1.0 - abs(turn) ** 2))
+
+
+@pytest.mark.parametrize("omega, damping", [(1.2, 0.15), (0.05, 0.05)])
+def test_beats_of_noise_are_no_growth(omega, damping):
+    """Of 60 records one or two may begin below all that follows, which no record of its length can tell from growth."""
+    claimed, t = 0, 0.5 * np.arange(600)
+    for seed in range(60):
+        try:
+            series_analysis.growth_rate(t, np.abs(thermal(seed, omega, damping).real))
+            claimed += 1
+        except series_analysis.NoFit:
+            pass
+    assert claimed <= 2
+
+
+def test_growth_is_found_where_opposite_charges_start_as_rounding():
+    amplitude = 1e-5 * np.exp(0.35 * T[:600])
+    amplitude[0] = 1e-18
+    assert series_analysis.growth_rate(T[:600], amplitude).value == pytest.approx(0.35, rel=1e-6)
+
+
 def test_clean_oscillation_is_exact():
     fit = series_analysis.fit_oscillation(T, 0.3 + 2e-5 * np.exp(-0.01 * T) * np.cos(1.2345678901 * T + 0.7))
     assert fit.frequency == pytest.approx(1.2345678901, rel=1e-11)
@@ -77,6 +105,15 @@ def test_oscillation_errors_have_the_size_of_the_scatter():
         fit = series_analysis.fit_oscillation(T, y, damped=False)
         misses.append((fit.frequency - 1.1) / fit.frequency_error)
     assert 0.7 < np.std(misses) < 1.4  # 40 draws: one sigma is known to 11 %
+
+
+def test_oscillation_errors_have_the_size_of_the_scatter_in_noise_that_swings_too():
+    misses = []
+    for seed in range(40):
+        y = np.cos(1.1 * T) + 0.05 * thermal(seed, 1.0, 0.3, T.size, T[1]).real
+        fit = series_analysis.fit_oscillation(T, y, damped=False)
+        misses.append((fit.frequency - 1.1) / fit.frequency_error)
+    assert 0.5 < np.std(misses) < 2.0  # 8 and more by the number of samples
 
 
 @pytest.mark.parametrize("omega, rate, phase", [(1.4, -0.15, 0.0), (1.0, 0.0, 1.3), (2.0, -0.02, 0.01)])

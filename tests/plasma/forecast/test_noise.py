@@ -11,7 +11,7 @@ from hpcpic.core.case.derived import Derived
 from hpcpic.core.comm.world import World
 from hpcpic.plasma.configure import configure
 from hpcpic.plasma.forecast.derived import derived
-from hpcpic.plasma.forecast.noise import start_noise
+from hpcpic.plasma.forecast.noise import noise_over_wave, start_noise
 
 FEW = """
 simulation = { cycles = 400; time_step = 0.05; space_length = [12.566370614359172]; };
@@ -103,3 +103,24 @@ def test_random_places_start_with_the_field_that_is_foretold():
             found.append(scalars["energy_total"] / scalars["energy_kinetic"] - 1)
     assert np.mean(found) == pytest.approx(start_noise(config), rel=0.3)
     assert start_noise(configure(loads(FEW, sets=['species[0].init_method="quiet"']))) == 0.0
+
+
+def test_the_noise_that_stays_beside_a_wave_is_as_foretold():
+    """Of a run without a wave, from t = 20 on: the share of the wave of 1 % that the case would start."""
+    sets = ["species[0].particles=1024"]
+    foretold = noise_over_wave(configure(loads(FEW, sets=sets)), (1,)) * 0.01 / 0.5  # E = rho/k
+    assert foretold == pytest.approx(2 / 32 * math.sqrt(0.2) / 0.5)
+    silent = configure(loads(FEW, sets=[*sets, "species[0].perturbation.amplitude=0", "simulation.time_step=0.2"]))
+    found = []
+    with running(World.alone(), "hpcpic", silent) as app:
+        for step in range(1200):
+            app.step()
+            if step > 100 and step % 5 == 0:
+                scalars = app.scalars()
+                found.append(scalars["mode_1_re"] ** 2 + scalars["mode_1_im"] ** 2)
+    assert math.sqrt(np.mean(found)) == pytest.approx(foretold, rel=0.3)
+
+
+def test_even_places_leave_no_noise_and_noise_is_all_where_no_wave_is_started():
+    assert noise_over_wave(configure(loads(FEW, sets=['species[0].init_method="quiet"'])), (1,)) == 0.0
+    assert noise_over_wave(configure(loads(FEW, sets=["species[0].perturbation.amplitude=0"])), (1,)) == math.inf
