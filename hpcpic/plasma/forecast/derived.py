@@ -10,6 +10,7 @@ from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived, Verdict
 from hpcpic.plasma.case.config import MOST_POINTS, Equation, PlasmaConfig, velocity_components
 from hpcpic.plasma.case.units import SYSTEMS, known_by_ratio
+from hpcpic.plasma.forecast.cell_edges import cell_edges
 from hpcpic.plasma.forecast.cold_drift import cold_drift
 from hpcpic.plasma.forecast.densest import at_densest, dense_frequency, densest, mean_debye
 from hpcpic.plasma.forecast.estimate import SERIES_SHARE, affordable_period, count_seconds, phases
@@ -60,6 +61,7 @@ def derived(config: PlasmaConfig, ranks: int = 1) -> list[Derived]:
         *resolution(config),
         *cold_drift(config),
         *noise(config),
+        *cell_edges(config),
         *motion(config),
         *waves(config),
         *recurrence(config),
