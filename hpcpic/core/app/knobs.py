@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -30,7 +31,8 @@ class Knob:
     size(config): of a completed case, in `unit`. key: where the setting stands. limit: the derived number that ends
     the stability of the scheme when this knob is turned. shown(size): the number that is printed, a count for example.
     noisy: sampling: its error is drawn anew with every size, and falls as size^order in the mean only.
-    overruled: why its limit is never met in this case, and what would be right; "" where it may be.
+    overruled: why its limit is never met in this case, and what would be right; "" where it may be. largest: the size
+    beyond which the scene is another, and beyond: why.
     """
 
     name: str
@@ -44,6 +46,8 @@ class Knob:
     shown: Callable[[float], float] = itself
     noisy: bool = False
     overruled: str = ""
+    largest: float = math.inf
+    beyond: str = ""
 
 
 @dataclass(frozen=True, slots=True)

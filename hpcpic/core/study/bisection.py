@@ -39,6 +39,11 @@ class Axis:
         return (size / self.at_one) ** self.power
 
     @property
+    def most(self) -> float:
+        """x of the largest size that the scene allows; infinite where the end of stability is towards small sizes."""
+        return self.x(self.knob.largest) if self.power > 0.0 else math.inf
+
+    @property
     def theory(self) -> float:
         """The limit of the derived number; nan without one."""
         if self.number is None:
@@ -130,7 +135,7 @@ class Limits:
             ends[real] = how if pilot.exit_code else f"growth: {tried[real]:.3g}"
             return real, tried[real] > BLOWUP
 
-        limit = bracketed(probe, start, WIDEST if axis.number else WIDEST_BLIND)
+        limit = bracketed(probe, start, WIDEST if axis.number else WIDEST_BLIND, axis.most)
         limit.tried, limit.ended = tried, ends.get(limit.unstable or 0.0, "")
         return limit
 
@@ -145,7 +150,7 @@ class Limits:
 
     def rates(self, axis: Axis) -> list[tuple[float, float]]:
         """(size, growth rate in 1/s) about the case's own size, over the longer horizon."""
-        wanted = (factor * self.own[axis.knob.name] for factor in (1.0, 2.0, 4.0, 8.0))
+        wanted = (min(factor * self.own[axis.knob.name], axis.knob.largest) for factor in (1.0, 2.0, 4.0, 8.0))
         found = {axis.knob.size(self.config({axis.knob.name: size})): 0.0 for size in wanted}  # some sizes end early
         for size in found:
             grown = self.growth(self.run({axis.knob.name: size}, LONGER, words="growth rate"))
@@ -157,7 +162,9 @@ class Limits:
         found: list[tuple[float, Axis, Limit]] = []
         start = 1.0
         for factor in COLUMNS:
-            beside = {second.name: factor * self.own[second.name]}
+            if (size := factor * self.own[second.name]) > second.largest:
+                break
+            beside = {second.name: size}
             beside = {second.name: second.size(self.config(beside))}
             axis = self.axis(first, beside)
             limit = self.bisect(axis, beside, start)
@@ -166,8 +173,10 @@ class Limits:
         return found
 
 
-def bracketed(probe: Callable[[float], tuple[float, bool]], start: float, widest: float) -> Limit:
-    """Geometric bisection of a bracket about `start` that is widened until its ends differ.
+def bracketed(
+    probe: Callable[[float], tuple[float, bool]], start: float, widest: float, most: float = math.inf
+) -> Limit:
+    """Geometric bisection of a bracket about `start` that is widened until its ends differ, or until `most`.
 
     probe(x) -> the x that was really run, the nearest there is, and whether it was unstable.
     """
@@ -177,7 +186,7 @@ def bracketed(probe: Callable[[float], tuple[float, bool]], start: float, widest
     while stable is None or unstable is None or unstable > stable * RESOLUTION:
         if not start / widest / 1.5 < x < start * widest * 1.5:
             break
-        real, grown = probe(x)
+        real, grown = probe(min(x, most))
         if real in (stable, unstable):
             break  # there is nothing between the two
         stable, unstable = (stable, real) if grown else (real, unstable)

@@ -99,7 +99,7 @@ def two(knobs: Knobs, pair: str) -> tuple[Knob, Knob]:
 
 
 def tell(limits: Limits, axis: Axis, limit: Limit, rates: list[tuple[float, float]]) -> None:
-    from hpcpic.core.study.bisection import BLOWUP
+    from hpcpic.core.study.bisection import BLOWUP, RESOLUTION
 
     knob, own = axis.knob, limits.own[axis.knob.name]
     if math.isfinite(limit.x):
@@ -124,6 +124,8 @@ def tell(limits: Limits, axis: Axis, limit: Limit, rates: list[tuple[float, floa
     elif limit.stable is not None:
         last = f"{knob.name} = {knob.shown(axis.size(limit.stable)):.4g} {knob.unit}".rstrip()
         click.echo(f"measured    nothing grows {BLOWUP:g} times as large until {last}")
+        if axis.size(limit.stable) * RESOLUTION >= knob.largest:
+            click.echo(f"            larger ones are no sizes of this case: {knob.beyond}")
         if axis.number is not None:
             theory = f"{knob.shown(axis.size(1.0)):.4g} {knob.unit}".strip()
             click.echo(

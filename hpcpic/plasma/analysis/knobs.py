@@ -15,6 +15,7 @@ from hpcpic.plasma.analysis.predictions import Prediction, predict
 from hpcpic.plasma.analysis.series_analysis import Oscillation, fit_oscillation, signed
 from hpcpic.plasma.case.config import PlasmaConfig, Species, mode_columns
 from hpcpic.plasma.diagnostics.scalars import MODES
+from hpcpic.plasma.forecast.recurrence import on_grid
 from hpcpic.plasma.forecast.scales import particle_count, spacing, total_plasma_frequency
 from hpcpic.plasma.forecast.turning import fastest_turn
 from hpcpic.plasma.physics.shapes import SHAPES
@@ -90,7 +91,8 @@ def continuous(config: PlasmaConfig) -> list[Knob]:
     loaders = [loader_of(s) for s in config.species]
     random, even = any(one.random_positions for one in loaders), all(one.whole_batches for one in loaders)
     found = [
-        Knob("dx", "grid spacing", "m", ("grid", "points"), lambda c: spacing(c)[0], 2.0, d, "Debye length"),
+        Knob("dx", "grid spacing", "m", ("grid", "points"), lambda c: spacing(c)[0], 2.0, d, "Debye length",
+             largest=coarsest(config), beyond="the wave that it starts would be shorter than two cells"),
         Knob("dt", "time step", "s", ("simulation", "time_step"), lambda c: abs(c.simulation.time_step), 2.0, 1.0,
              "time step"),
     ]  # fmt: skip
@@ -101,6 +103,13 @@ def continuous(config: PlasmaConfig) -> list[Knob]:
                  1.0, shown=lambda size: 1.0 / size, noisy=not even)
         )  # fmt: skip
     return found
+
+
+def coarsest(config: PlasmaConfig) -> float:
+    """The largest spacing along x of a grid that has the waves that the case starts, with its own proportions."""
+    modes = [species.perturbation.mode for species in config.species if species.perturbation]
+    shortest = max((abs(n) / m for mode in modes for n, m in zip(mode, config.points)), default=0.0)
+    return spacing(config)[0] * max(1.0, 0.5 / shortest) if shortest else math.inf
 
 
 def scalable(config: PlasmaConfig) -> bool:
@@ -135,6 +144,8 @@ def settings(config: PlasmaConfig, sizes: Mapping[str, float], time: float) -> t
     finer = spacing(config)[0] / sizes["dx"] if "dx" in sizes else 1.0
     points = [n if finer == 1.0 else smooth(max(4.0, n * finer)) for n in config.points]
     made.append(f"grid.points={points}")
+    if len(kept := [list(mode) for mode in config.output.modes if on_grid(mode, points)]) < len(config.output.modes):
+        made.append(f"output.modes=({', '.join(map(str, kept))})")
     batches = [loader_of(s).batch_size(s, tuple(points)) for s in config.species]
     for i, s in enumerate(config.species):
         if loader_of(s).whole_batches:  # as many velocities on any grid

@@ -23,7 +23,7 @@ def recurrence(config: PlasmaConfig) -> Iterator[Derived]:
     if not (length := abs(config.simulation.time_step) * config.simulation.cycles):
         return
     perturbed = (species.perturbation.mode for species in config.species if species.perturbation)
-    modes = [mode for mode in dict.fromkeys(perturbed) if any(mode) and on_grid(config, mode)]
+    modes = [mode for mode in dict.fromkeys(perturbed) if any(mode) and on_grid(mode, config.points)]
     for i, species in enumerate(config.species):
         if species.init_method != "strata" or not species.thermal_velocity or not plasma_frequency(config, species):
             continue
@@ -39,8 +39,8 @@ def recurrence(config: PlasmaConfig) -> Iterator[Derived]:
         )  # fmt: skip
 
 
-def on_grid(config: PlasmaConfig, mode: Sequence[int]) -> bool:
-    return all(2 * abs(n) <= points for n, points in zip(mode, config.points))
+def on_grid(mode: Sequence[int], points: Sequence[int]) -> bool:
+    return all(2 * abs(n) <= m for n, m in zip(mode, points))
 
 
 def recurrence_times(config: PlasmaConfig, species: Species, mode: Sequence[int], least: float) -> Iterator[float]:

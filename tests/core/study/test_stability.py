@@ -29,6 +29,14 @@ def test_a_limit_out_of_reach_is_none():
     assert bracketed(lambda x: (x, True), 1.0, 3.0).stable is None
 
 
+@pytest.mark.parametrize("most", [0.5, 1.3, 7.0, 60.0])
+def test_a_bracket_ends_at_the_largest_size_of_the_scene(most):
+    tried = []
+    found = bracketed(lambda x: (tried.append(x) or x, False), 1.0, 64.0, most)
+    assert (found.stable, found.unstable) == (most, None) and max(tried) == most
+    assert bracketed(lambda x: (x, x > 0.4), 1.0, 64.0, most).x == pytest.approx(0.4, rel=0.01)
+
+
 def test_sizes_that_cannot_be_met_exactly_end_the_search():
     """Steps are whole: between 0.9 and 1.1 there may be nothing."""
     found = bracketed(lambda x: (round(x, 1), round(x, 1) > 1.0), 1.0, 3.0)
@@ -89,7 +97,7 @@ def test_growth_of_a_size_that_cannot_be_met_is_told_once():
         run = staticmethod(lambda sizes, *_, **__: None)
         growth = staticmethod(lambda pilot: math.exp(8.0))
 
-    knob = SimpleNamespace(name="dx", size=lambda dx: min(dx, 2.0))
+    knob = SimpleNamespace(name="dx", size=lambda dx: min(dx, 2.0), largest=math.inf)
     assert Ended().rates(Axis(knob, None, 1.0, 1.0)) == [(1.0, 2.0), (2.0, 2.0)]
 
 

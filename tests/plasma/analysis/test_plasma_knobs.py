@@ -12,6 +12,7 @@ from hpcpic.core.files.series import Series
 from hpcpic.plasma.analysis.knobs import knobs_of, smooth
 from hpcpic.plasma.app import APP, shipped_cases
 from hpcpic.plasma.configure import configure
+from hpcpic.plasma.forecast.derived import derived
 from hpcpic.plasma.forecast.scales import total_plasma_frequency
 from hpcpic.plasma.setup.scene import Scene
 
@@ -62,6 +63,20 @@ def test_settings_are_never_coarser_than_asked_and_end_at_the_time(case, factor)
     assert total_plasma_frequency(made) == pytest.approx(total_plasma_frequency(config), rel=1e-12)
     for species in made.species:  # as many in every cell, so that no beat is an alias
         assert species.init_method != "quiet" or species.particles % math.prod(made.grid.points) == 0
+
+
+def test_coarse_pilots_keep_the_modes_that_their_grid_has_and_end_with_the_waves_of_the_case():
+    """A wave that a case starts cannot be left out: the knob ends where it has two cells."""
+    sets = ("output.modes=([1], [3], [-8])", "species[0].perturbation.mode=[3]", "grid.points=[128]")
+    config = read("landau-damping", sets)
+    knobs = knobs_of(config)
+    dx = next(knob for knob in knobs.knobs if knob.name == "dx")
+    assert dx.largest == pytest.approx(dx.size(config) * 128 / 6) and dx.beyond
+    for factor, kept in ((1.0, 3), (8.0, 3), (11.0, 2), (dx.largest / dx.size(config), 2), (30.0, 1)):
+        made = read("landau-damping", (*sets, *knobs.settings({"dx": factor * dx.size(config)}, knobs.time)))
+        assert made.output.modes == config.output.modes[:kept]
+        (wave,) = (number for number in derived(made) if number.symbol == "k dx")
+        assert (wave.verdict == "fail") == (factor == 30.0)
 
 
 @pytest.mark.parametrize("case", CASES)
