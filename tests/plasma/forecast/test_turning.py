@@ -1,5 +1,6 @@
 """Orbits in a magnetic field for a time step, against a run."""
 
+import math
 import re
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from app_runner import running
 from forecast_numbers import numbers
 
+from hpcpic.core.case.accelerations import register
 from hpcpic.core.case.config import loads
 from hpcpic.plasma.configure import configure
 
@@ -71,3 +73,19 @@ def test_how_much_too_large_orbits_are_is_what_a_run_shows(world, step, exact):
     if "radii" in number.source:
         told = float(re.search(r"are (\S+) times", number.source)[1])
         assert told == pytest.approx(larger, rel=1e-3)  # four digits
+
+
+@pytest.mark.parametrize("step, exact", [(0.3, True), (0.5, True), (1.0, True), (2.0, True), (1.0, False)])
+def test_a_polarisation_drift_is_as_check_tells(world, step, exact):
+    """In E_x = 0.01 t, from the start with the drift m/(q B^2) dE/dt that it has in nature: the mean of the rest."""
+    register("ramp", lambda x, v, t: (0.01 * t, 0.0, 0.0))
+    text = GYRATION.replace("[0.1, 0.0]", '[0.01, 0.0]; acceleration = "ramp"')
+    sets = [f"simulation.time_step={step}", f"numerics.exact_phase={str(exact).lower()}"]
+    told = re.search(r"polarisation drifts .* are (\S+) times", numbers(sets, text)[0]["wc dt"].source)
+    steps = round(200 * 2 * math.pi / step)
+    with running(world, "hpcpic", configure(loads(text, sets=sets))) as app:
+        for _ in range(steps):
+            app.step()
+        (x, _), drift = app.particles()["p"].position[0, :2], 0.01 * steps * step
+    assert bool(told) == (abs((x - 512.0) / drift - 1.0) > 0.01) == (exact and step > 0.34)
+    assert not told or (x - 512.0) / drift == pytest.approx(float(told[1]), abs=2e-3)
