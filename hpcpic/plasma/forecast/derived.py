@@ -335,13 +335,21 @@ def waves(config: PlasmaConfig) -> Iterator[Derived]:
             continue
         cure = f"more than 1 % slow; {math.ceil(8 * step / math.pi)} times the points"
         yield wave("< pi/8", verdict_of(step <= math.pi / 8), f"{BOOK} ch. 4", cure, mode)
-        if len(turns) == 1 and 0 < wp * dt < 2 and config.numerics.gradient == "difference":
-            (dx,), radius = spacing(config), config.numerics.cloud_radius
-            _, factor = response(operator_of(config), (step / dx,), (dx,), spectral=False, cloud_radius=radius)
-            left = SHAPES[config.numerics.shape].cold_response(step)
-            swing = wp * dt / 2 * math.sqrt(left * max(factor, 0.0))
-            frequency = 2 / (wp * dt) * math.asin(min(swing, 1.0))
-            yield Derived("cold frequency on this grid", "w/wp", frequency, source=f"{BOOK} ch. 4, 8")
+    known = len(config.points) == 1 and not any(config.field.magnetic[1:])  # B across k: upper and lower hybrid waves
+    if known and 0 < wp * dt < 2 and config.numerics.gradient == "difference":
+        modes = {abs(s.perturbation.mode[0]) for s in config.species if s.perturbation}
+        yield from (cold_frequency(config, n, wp * dt) for n in sorted(modes) if 2 * n <= config.points[0])
+
+
+def cold_frequency(config: PlasmaConfig, mode: int, step: float) -> Derived:
+    """The frequency of a cold wave of so many wavelengths in a box of one dimension, with wp dt = step."""
+    (dx,), turn = spacing(config), 2 * math.pi * mode / config.points[0]
+    _, factor = response(
+        operator_of(config), (turn / dx,), (dx,), spectral=False, cloud_radius=config.numerics.cloud_radius
+    )
+    swing = step / 2 * math.sqrt(SHAPES[config.numerics.shape].cold_response(turn) * max(factor, 0.0))
+    frequency = 2 / step * math.asin(min(swing, 1.0))
+    return Derived("cold frequency on this grid", "w/wp", frequency, source=f"{BOOK} ch. 4, 8")
 
 
 def sizes(config: PlasmaConfig) -> Iterator[Derived]:

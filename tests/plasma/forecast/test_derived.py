@@ -318,6 +318,17 @@ def test_the_cold_frequency_is_that_of_the_shape(shape, mode):
     assert told == pytest.approx(exact, rel=1e-2 if shape == "NGP" else 1e-5)
 
 
+@pytest.mark.parametrize(
+    "magnetic, second, told", [("0, 0, 0", 6, 1), ("0.5, 0, 0", 6, 1), ("0, 0, 0", 3, 2), ("0, 0, 0.5", 6, 0)]
+)
+def test_the_cold_frequency_is_told_once_for_a_wave_and_not_across_a_magnetic_field(magnetic, second, told):
+    """Two species with one wave have one frequency; across B it is the upper or lower hybrid one."""
+    first = COLD_WAVE[COLD_WAVE.index("({") + 1 : COLD_WAVE.index(");")]
+    both = COLD_WAVE.replace(first, f"{first}, {first.replace('[6]', f'[{second}]')}")
+    config = configure(loads(both, sets=[f"field.magnetic=[{magnetic}]"]))
+    assert sum(number.name == "cold frequency on this grid" for number in derived(config)) == told
+
+
 def test_a_cold_wave_of_quadratic_clouds_has_the_frequency_that_is_told():
     case = loads(COLD_WAVE, sets=('numerics.shape="TSC"', 'numerics.precision="single"'))  # kernels that others have
     with running(World.alone(), "hpcpic", configure(case)) as app:
