@@ -29,6 +29,7 @@ from hpcpic.plasma.physics.quiet_start import BASES, even_places, radical_invers
 from hpcpic.plasma.setup.thermal_spread import thermal_spread
 
 POSITION, VELOCITY = 1, 2  # streams of random numbers
+TAIL = 6.0  # deviations of a velocity that hardly a particle exceeds
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,8 +113,15 @@ class Loader:
         return (Population(1.0, section.drift_velocity[axis], section.thermal_velocity),)
 
     def fastest(self, section: Species) -> Fastest:
-        """What no particle exceeds as loaded, but for the thermal deviate and the perturbation: what `check` judges."""
-        x, y, z = map(abs, section.drift_velocity)
+        """What no particle exceeds as loaded, but for the thermal deviate and the perturbation: what `check` judges.
+
+        By default TAIL deviations of `populations`, less that of the thermal deviate, beyond their means.
+        """
+        heat = section.thermal_velocity**2
+        x, y, z = (
+            max(abs(part.mean) + TAIL * math.sqrt(max(part.spread**2 - heat, 0.0)) for part in parts)
+            for parts in (self.populations(section, axis) for axis in range(3))
+        )
         return Fastest((x, y, z), math.hypot(x, y, z))
 
     def draws_random(self, section: Species) -> bool:
@@ -200,6 +208,10 @@ class UniformVelocities(Loader):
 
     def populations(self, section: Species, axis: int) -> tuple[Population, ...]:
         return (Population(1.0, 0.0, abs(section.drift_velocity[axis]) / math.sqrt(3)),)
+
+    def fastest(self, section: Species) -> Fastest:
+        x, y, z = map(abs, section.drift_velocity)
+        return Fastest((x, y, z), math.hypot(x, y, z))
 
 
 class PositionDelta(Loader):

@@ -53,6 +53,28 @@ def test_a_name_belongs_to_one_class_of_loaders(monkeypatch):
         loaders.register(Swarm())
 
 
+class Hot(loaders.Loader):
+    """Velocities of its own, wider than any drift that the case says."""
+
+    name = "swarm"
+
+    def populations(self, section, axis):
+        return loaders.Population(0.5, 1.0, 2.0), loaders.Population(0.5, -3.0, 0.5)
+
+
+def test_without_fastest_a_loader_is_judged_by_six_deviations_of_its_populations(monkeypatch):
+    """The shipped ones by what they say: their drift, beside the thermal deviate, which is told apart."""
+    monkeypatch.setattr(loaders, "LOADERS", dict(loaders.LOADERS))
+    loaders.register(Hot())
+    (species,) = configure(loads(CASE)).species
+    assert loaders.loader_of(species).fastest(species).components == (13.0, 13.0, 13.0)
+    for word in ("random", "quiet", "opposite beams", "uniform velocities"):
+        warm = "0" if word == "uniform velocities" else "3"
+        sets = [f'species[0].init_method="{word}"', f"species[0].thermal_velocity={warm}"]
+        (species,) = configure(loads(CASE, sets=sets)).species
+        assert loaders.loader_of(species).fastest(species) == ((2.0, 0.0, 0.0), 2.0)
+
+
 def test_a_loader_that_nobody_registered_is_a_fault():
     with pytest.raises(Exception, match="init_method: must be 'random', 'quiet'"):
         configure(loads(CASE))
