@@ -186,8 +186,8 @@ def modes(run: Run, step: int | None = None) -> Figure:
             axes.set(xlim=compared.shown, ylim=(0, 1.45 * top))
         else:
             axes.set_yscale("log")
-            floor = max(np.min(amplitude[amplitude > 0], initial=top), 1e-9 * top)
-            axes.set_ylim(0.5 * floor, 12.0 * top)
+            resolved = amplitude[amplitude > series_analysis.RESOLVED * top]
+            axes.set_ylim(0.5 * resolved.min(), 12.0 * top)
         axes.set(xlabel="time, s", ylabel=axis_label("|$E_k$|", "V/m"), title="Modes of the field")
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
         axes.text(0.015, 0.975, compared.words, transform=axes.transAxes, va="top", linespacing=1.5)

@@ -12,6 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 ROUND_OFF = 1e-14  # of a signal: what swings by less is noise of the arithmetic
+RESOLVED = 1e-9  # of the largest amplitude: less may be the rounding of opposite charges that start without a field
 STEADY = 0.25  # of a growth rate: one that is known worse is none, as where a wave that has started swings on
 RISE = 1.0  # e-folds above all that the wave was before, without which it swings or is noise
 SWINGS = 2.0  # times the wave's own swing that it must grow in
@@ -71,7 +72,7 @@ def growth_rate(t: np.ndarray, amplitude: np.ndarray, efolds: float = 2.0) -> Gr
     that steadily.
     """
     top = int(np.argmax(amplitude)) + 1
-    positive = amplitude[:top] > ROUND_OFF * amplitude.max()  # opposite charges may start as rounding
+    positive = amplitude[:top] > RESOLVED * amplitude.max()
     t, y = t[:top][positive], np.log(amplitude[:top][positive])
     if t.size < 6:
         raise NoFit("no growth: fewer than six samples before the maximum")
