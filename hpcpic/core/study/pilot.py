@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import shutil
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from hpcpic.core.app.app import App
 from hpcpic.core.app.knobs import Knobs
 from hpcpic.core.app.read import Case, read_case
+from hpcpic.core.app.text import duration
 from hpcpic.core.case.derived import Derived
 from hpcpic.core.cli.launch import launch, within
 from hpcpic.core.cli.restart import facts_of
@@ -70,6 +72,7 @@ class Pilots:
         self.done: dict[str, Pilot] = {}
         self.start = within(app) if shape[0] == 1 else launch
         self.case_digest = repr(read.tree.files)
+        self.began = time.monotonic()
 
     def assignments(self, sizes: Mapping[str, float], time: float, others: Settings) -> tuple[str, ...]:
         """The --set list, beside that of the pilots."""
@@ -166,6 +169,11 @@ class Pilots:
     @property
     def spent(self) -> float:
         return sum(pilot.seconds for pilot in self.done.values())
+
+    @property
+    def took(self) -> str:
+        """What the search has cost: steps, and the clock, which counts starts and compiling too."""
+        return f"{duration(self.spent)} of steps, {duration(time.monotonic() - self.began)} by the clock"
 
 
 def value_of(pilot: Pilot, measure: Any) -> NDArray[np.float64]:

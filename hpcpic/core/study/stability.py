@@ -68,7 +68,7 @@ def find(
         first, second = two(knobs, pair)
         draw_map(limits, first, second, folder)
         return
-    knob = one(knobs, name)
+    knob = one(knobs, name) if name else limited(limits)
     if knob.overruled:
         raise ConfigError(f"{read.path}: {dotted(knob.key)} cannot be turned to the end of stability: {knob.overruled}")
     axis = limits.axis(knob)
@@ -77,15 +77,20 @@ def find(
         limits.confirm(axis, limit)
     rates = limits.rates(axis) if limit.slow or not math.isfinite(limit.x) else []
     write_json(folder / "stability.json", facts(limits, axis, limit, rates))
+    click.echo(f"search      {limits.pilots.took}")
     tell(limits, axis, limit, rates)
     judge(limits, axis, limit)
 
 
-def one(knobs: Knobs, name: str | None) -> Knob:
+def limited(limits: Limits) -> Knob:
+    """The first knob whose stability theory ends somewhere, or the first."""
+    knobs = limits.knobs.knobs
+    return next((knob for knob in knobs if limits.number(knob, {}) is not None), knobs[0])
+
+
+def one(knobs: Knobs, name: str) -> Knob:
     """Raises ConfigError."""
     known = {knob.name: knob for knob in knobs.knobs}
-    if name is None:
-        return next((knob for knob in knobs.knobs if knob.limit), knobs.knobs[0])
     if name not in known:
         raise ConfigError(f"--knob {name}: there are {', '.join(known)}")
     return known[name]

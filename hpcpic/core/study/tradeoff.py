@@ -120,6 +120,8 @@ def trade(app_loader: AppLoader, asked: Asked) -> None:
         asked = replace(asked, sets=(*asked.sets, *search.quieter), most=search.budget.left)
     front.write(search, points, verified, refusal, wanted, folder)
     click.echo(f"front: {folder / 'front.png'}, {folder / 'front.csv'}, {folder / 'tradeoff.json'}")
+    if wanted is None:
+        click.echo(f"search      {search.pilots.took}")
     if verified is not None and wanted is not None:
         tell_recommendation(search, verified, wanted)
         if verified.certified:
@@ -350,7 +352,7 @@ def tell_recommendation(search: Search, verified: Verified, wanted: float) -> No
         f"{percent(verified.error + search.uncertainty)}, where {percent(wanted)} is allowed\n"
         f"            {', '.join(beside)}{field}\n"
         f"cost        {duration(seconds)} for the whole run{compared}\n"
-        f"search      {duration(search.pilots.spent)} of steps, "
+        f"search      {search.pilots.took}, "
         f"{search.budget.used:.3g} of {search.budget.allowance:.3g} pilots of the case's own cost"
     )
     for warning in verified.warnings:

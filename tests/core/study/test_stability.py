@@ -73,6 +73,7 @@ def test_json_is_one_document_with_the_tables_and_no_line_of_a_pilot(program, tm
     done = program(*words, "-o", "out", "--json", slow=0.05)  # slow growth: stability has a table of rates
     answer = json.loads(done.stdout)
     assert done.returncode == 0 and answer["tables"] and answer["text"]
+    assert any(line.startswith("search ") and line.endswith(" by the clock") for line in answer["text"])
     assert list((tmp_path / "out/pilots").iterdir())
     assert not any(line.startswith(("results", "step ", "look")) for line in answer["text"])
 

@@ -1,4 +1,4 @@
-"""The figure of modes of scenes that no shipped case has: charges that cancel at the start, waves of several species."""
+"""The modes plot of scenes that no shipped case has: charges that cancel at the start, waves of several species."""
 
 import numpy as np
 from plasma_reference import make_run
