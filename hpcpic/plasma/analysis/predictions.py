@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,6 +15,7 @@ from hpcpic.plasma.analysis import series_analysis, theory
 from hpcpic.plasma.analysis.theory import Beam, Mesh
 from hpcpic.plasma.case.config import PlasmaConfig
 from hpcpic.plasma.configure import configure
+from hpcpic.plasma.forecast.recurrence import waves_of
 from hpcpic.plasma.forecast.scales import plasma_frequency, spacing
 from hpcpic.plasma.physics.dispersion import total_frequency
 from hpcpic.plasma.physics.poisson import operator_of, response
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
     from hpcpic.core.files.reader import Run
 
 
+LAST = 8  # half periods of a damped wave that are fitted
 OVER_NOISE = 3.0  # of the maxima of a wave that a rate of decay is taken from
 HEAVY = 0.03  # times the plasma frequency: that of ions which electrons leave at rest, to 5e-4 of their own
 
@@ -69,48 +72,106 @@ def mesh_of(config: PlasmaConfig) -> Mesh:
     return Mesh(spacing(config), dt, config.numerics.shape, config.numerics.gradient == "spectral")
 
 
-def predict(config: PlasmaConfig, mode: Sequence[int]) -> Prediction | None:
-    """What a mode should do, or None where no law here applies. mode: whole wavelengths along x, or x, y, or x, y, z.
-
-    In order: upper hybrid (cold, k along an axis across B), an unstable root, Landau's root, the cold wave.
+@dataclass(frozen=True, slots=True)
+class Wave:
+    """A wave vector k[d] in a plasma that has a field along it, the beams along it in nature and as the mesh has them,
+    and whether a magnetic field lies across it.
     """
+
+    k: NDArray[np.float64]
+    beams: tuple[Beam, ...]
+    meshed: tuple[Beam, ...]
+    across: bool
+
+    @property
+    def size(self) -> float:
+        return float(np.linalg.norm(self.k))
+
+    @property
+    def still(self) -> bool:
+        return all(beam.drift == 0.0 for beam in self.beams)
+
+
+def wave_of(config: PlasmaConfig, mode: Sequence[int]) -> Wave | None:
+    """The wave of a mode, in whole wavelengths along x, or x, y, or x, y, z; None where no law here holds for it."""
     if not any(mode):
         return None
     sign = next(n for n in mode if n) // abs(next(n for n in mode if n))  # k and -k are one wave
     waves = np.pad(mode, (0, config.dimensions - len(mode)))
     k = 2.0 * math.pi * sign * waves / np.array(config.simulation.space_length)
-    size, operator = float(np.linalg.norm(k)), operator_of(config)
-    found, mesh = beams_along(config, k), mesh_of(config)
+    found, operator = beams_along(config, k), operator_of(config)
     if not found or any(operator.along("xyz"[axis])[1] for axis in np.flatnonzero(k)):
         return None
-    dx, radius = spacing(config), config.numerics.cloud_radius
-    continuum, on_mesh = response(operator, k.tolist(), dx, spectral=mesh.spectral, cloud_radius=radius)
+    dx, radius, spectral = spacing(config), config.numerics.cloud_radius, mesh_of(config).spectral
+    continuum, on_mesh = response(operator, k.tolist(), dx, spectral=spectral, cloud_radius=radius)
     if min(continuum, on_mesh) <= 0:  # charges of one sign attract
         return None
-    found, meshed = scaled(found, continuum), scaled(found, on_mesh)
+    across = bool(np.cross(np.pad(k, (0, 3 - len(k))), config.field.magnetic).any())  # B along k leaves the wave alone
+    return Wave(k, scaled(found, continuum), scaled(found, on_mesh), across)
+
+
+def predict(config: PlasmaConfig, mode: Sequence[int]) -> Prediction | None:
+    """What a mode should do, or None where no law here applies. mode: whole wavelengths along x, or x, y, or x, y, z.
+
+    In order: upper hybrid (cold, k along an axis across B), an unstable root, Landau's root, the cold wave.
+    """
+    if (wave := wave_of(config, mode)) is None:
+        return None
+    k, found, mesh = wave.k, wave.beams, mesh_of(config)
     wp = total_frequency(found)
     cold = all(b.thermal_velocity == 0.0 for b in found)
-    still = all(b.drift == 0.0 for b in found)
-    if np.cross(np.pad(k, (0, 3 - len(k))), config.field.magnetic).any():  # B along k leaves the wave alone
-        return _upper_hybrid(config, k, found, meshed) if cold and still else None
-    try:
-        omega = theory.unstable_root(size, found)
-        law = "two-stream" if len(found) == 2 and found[0].drift == -found[1].drift else "beam instability"
-        return Prediction(law, omega, _on_mesh(omega, k, meshed, mesh))
-    except theory.NoRoot:
-        pass
-    if cold and still:
-        return Prediction("cold wave", complex(wp), _cold_on_mesh(config, k, meshed))
-    waving = [pair for pair in zip(found, meshed) if pair[0].plasma_frequency > HEAVY * wp]
-    started = (s for s in config.species if s.perturbation)
-    if len(waving) > 1 or not still or any(plasma_frequency(config, s) <= HEAVY * wp for s in started):
+    if wave.across:
+        return _upper_hybrid(config, k, found, wave.meshed) if cold and wave.still else None
+    if growing := _growing(wave, mesh):
+        return growing
+    if cold and wave.still:
+        return Prediction("cold wave", complex(wp), _cold_on_mesh(config, k, wave.meshed))
+    waving = [pair for pair in zip(found, wave.meshed) if pair[0].plasma_frequency > HEAVY * wp]
+    if len(waving) > 1 or not wave.still or _heavy_started(config, wp):
         return None
     ((beam, scheme),) = waving
     wp = beam.plasma_frequency
-    if size * beam.thermal_velocity / wp < 2.0:
-        omega = wp * theory.landau(size * beam.thermal_velocity / wp)
+    if wave.size * beam.thermal_velocity / wp < 2.0:
+        omega = wp * theory.landau(wave.size * beam.thermal_velocity / wp)
         return Prediction("Landau damping", omega, _on_mesh(omega, k, (scheme,), mesh))
     return None
+
+
+def _growing(wave: Wave, mesh: Mesh) -> Prediction | None:
+    try:
+        omega = theory.unstable_root(wave.size, wave.beams)
+    except theory.NoRoot:
+        return None
+    law = "two-stream" if len(wave.beams) == 2 and wave.beams[0].drift == -wave.beams[1].drift else "beam instability"
+    return Prediction(law, omega, _on_mesh(omega, wave.k, wave.meshed, mesh))
+
+
+def _heavy_started(config: PlasmaConfig, wp: float) -> bool:
+    """Whether the case starts a wave of a species that would leave that of electrons alone."""
+    return any(plasma_frequency(config, s) <= HEAVY * wp for s in config.species if s.perturbation)
+
+
+def predict_sound(config: PlasmaConfig, mode: Sequence[int]) -> Prediction | None:
+    """The wave of several species at rest that a case starts: the least damped, which lasts longest, or, where only the
+    lightest are started, the fastest. None where none is started, where one grows, and across a magnetic field.
+    """
+    wave, started = wave_of(config, mode), [plasma_frequency(config, s) for s in config.species if s.perturbation]
+    if wave is None or not started or wave.across or not wave.still or len(wave.beams) < 2:
+        return None
+    if _growing(wave, mesh_of(config)):
+        return None
+    unit = total_frequency(wave.beams)
+    own = [Beam(b.plasma_frequency / unit, 0.0, wave.size * b.thermal_velocity / unit) for b in wave.beams]
+    roots = []
+    for guess in waves_of(own):
+        with contextlib.suppress(theory.NoRoot):
+            roots.append(theory.root_near(guess, lambda w: 1.0 - theory.susceptibility(w, 1.0, own)))
+    lasting = [root for root in roots if root.real > 0.0 and root.imag < 0.0]
+    if not lasting:
+        return None
+    heavy = min(started) < max(plasma_frequency(config, s) for s in config.species)
+    omega = unit * max(lasting, key=lambda root: root.imag if heavy else root.real)
+    return Prediction("Landau damping of all species", omega, _on_mesh(omega, wave.k, wave.meshed, mesh_of(config)))
 
 
 def scaled(found: tuple[Beam, ...], factor: float) -> tuple[Beam, ...]:
@@ -191,7 +252,7 @@ def _compare_damping(t: np.ndarray, amplitude: np.ndarray, law: Prediction, know
         raise series_analysis.NoFit("fewer than four maxima")
     noise = max(series_analysis.noise_of(times, heights, law.omega.imag), known * amplitude.max())
     below = np.flatnonzero(heights < OVER_NOISE * noise)
-    last = min(8, (int(below[0]) if below.size else times.size) - 1)
+    last = min(LAST, (int(below[0]) if below.size else times.size) - 1)
     if last < 3:
         raise series_analysis.NoFit(f"it meets the noise after {last + 1} of the four maxima that a fit needs")
     window = (t >= times[1]) & (t <= times[last])  # the first maximum has other roots in it
@@ -199,11 +260,34 @@ def _compare_damping(t: np.ndarray, amplitude: np.ndarray, law: Prediction, know
     fit = series_analysis.fit_oscillation(t[window], wave, frequency=law.omega.real, rate=law.omega.imag)
     swung = noise / (heights[last] * (times[last] - times[1]))  # noise of the same frequency, of any phase
     errors = math.hypot(fit.rate_error, swung), math.hypot(fit.frequency_error, swung)
-    words = (
+    words = _damped_words(fit, errors, law)
+    return Compared(words, heights[1] * np.exp(law.omega_mesh.imag * (t - times[1])))
+
+
+def compare_parts(t: np.ndarray, parts: np.ndarray, law: Prediction) -> Compared:
+    """Fit a damped wave to the complex amplitude E_k of a mode, along the line of the complex plane on which it swings.
+
+    It may be small beside others that are faster: nothing is asked of its maxima.
+    """
+    turns = (t - t[0]) * law.omega.real / np.pi
+    window = (turns >= 1.0) & (turns <= LAST)  # the first half period has other roots in it
+    phase = 0.5 * np.angle(np.sum(parts**2))
+    wave = (parts * np.exp(-1j * phase)).real
+    try:
+        fit = series_analysis.fit_oscillation(t[window], wave[window], frequency=law.omega.real, rate=law.omega.imag)
+    except series_analysis.NoFit as error:
+        return Compared(f"not fitted: {error}")
+    if fit.frequency_error > series_analysis.STEADY * fit.frequency:
+        return Compared("not fitted: it is no steady wave beside others and noise")
+    words = _damped_words(fit, (fit.rate_error, fit.frequency_error), law)
+    return Compared(words, fit.amplitude * np.exp(law.omega_mesh.imag * t))
+
+
+def _damped_words(fit: series_analysis.Oscillation, errors: tuple[float, float], law: Prediction) -> str:
+    return (
         f"decay {-fit.rate:.4g} ± {errors[0]:.1g} 1/s, frequency {fit.frequency:.5g} ± {errors[1]:.1g} rad/s\n"
         f"theory {-law.omega.imag:.4g} and {law.omega.real:.5g} ({law.law})"
     )
-    return Compared(words, heights[1] * np.exp(law.omega_mesh.imag * (t - times[1])))
 
 
 def _compare_wave(t: np.ndarray, amplitude: np.ndarray, law: Prediction) -> Compared:
