@@ -112,7 +112,7 @@ class LbmDem:
             tau=scene.tau,
             collision=fluid.collision,
             magic=fluid.magic,
-            force=scene.body_force(0.5) if forced else None,
+            force=scene.body_force(0) if forced else None,
             storage=fluid.storage,
             blocks=config.simulation.blocks,
             faces={name: Face(face.kind, face.density, face.velocity) for name, face in scene.faces.items()},
@@ -197,12 +197,12 @@ class LbmDem:
     def start_solid(self) -> None:
         """The fluid sees the grains for the first time, or where a checkpoint has them."""
         if self.immersed and self.dem and self.solids_move:
-            self.immersed.start(*self._moving_grains(self.dem))
+            self.immersed.start(*self._moving_grains(self.dem), frame=self.scene.frame(self.iteration))
 
     def mark_solid(self) -> None:
         """The fluid sees the grains where they are now."""
         if self.immersed and self.dem and self.solids_move:
-            self.immersed.move(*self._moving_grains(self.dem))
+            self.immersed.move(*self._moving_grains(self.dem), frame=self.scene.frame(self.iteration + 1))
 
     def _moving_grains(self, dem: Dem) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
         """Numbers, places, radii, velocities and angular velocities of own grains and ghosts, in lattice units."""

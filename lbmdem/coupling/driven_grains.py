@@ -78,7 +78,7 @@ class DrivenGrains:
         dem, dt = self.dem, self._scene.time_step
         if self._shaken_alone:
             times = np.arange(first, first + steps) * dt
-            frame = self._scene.shaken_at(times)
+            frame = self._scene.shaken_over(times)
             dem.advance_shaken(dt / self.substeps, self.substeps, self._constant, frame, times)
             return
         time = first * dt
@@ -90,7 +90,7 @@ class DrivenGrains:
         """Force [n, d] (N) and torque [n, 1 or 3] (N m) on own grains that stay through substeps. Collective."""
         grains, units = self.dem.grains, self._scene.units
         own = grains.ids[: grains.n]
-        force = self._constant[own] - self._table.mass[own, None] * self._scene.shaken(time)
+        force = self._constant[own] - self._table.mass[own, None] * self._scene.shaken_over(np.array([time]))
         torque = np.zeros((len(own), self._table.omega.shape[1]))
         if self._immersed:
             fluid_force, fluid_torque = self._immersed.forces(own)

@@ -30,6 +30,7 @@ from lbmdem.sizes import GAINS, parts_of
 
 SUM_BITS, TERM_BITS = 61, 49  # of the sums, and of terms: 2^51 is the largest integer that `to_fixed` makes
 NO_GAINS = np.zeros((0, GAINS), np.int64)
+STILL = np.zeros(3)
 GrainColumns = tuple[NDArray, NDArray, NDArray, NDArray, NDArray]
 
 
@@ -124,12 +125,13 @@ class Immersed:
         force, torque = (2.0 ** min(b, TERM_BITS) for b in bits)
         self._scale = np.array([force] * 3 + [torque] * 3 + [force])
 
-    def start(self, ids: NDArray, centres: NDArray, radii: NDArray, velocity: NDArray, omega: NDArray) -> None:
+    def start(self, *moving: NDArray, frame: NDArray = STILL) -> None:
         """Place the moving grains near this slab (all that touch it), in any order; populations stay. Collective.
 
-        From then on all grains are linked at every step, those that stay too: others may come near them.
+        moving: as `GrainColumns`; frame[d]: acceleration of a shaken frame. From then on all grains are linked at every
+        step, those that stay too: others may come near them.
         """
-        self._table = _merged(self._fixed, sorted_table(ids, centres, radii, velocity, omega))
+        self._take_grains(moving, frame)
         links = self.links or self.link_anew()
         self.refill.bind(self._solid.arena)  # after all that the first step needs
         self._set_scale(self._table.radii, self._wall_links)
@@ -158,19 +160,27 @@ class Immersed:
         self._wall_links = WallLinks(arena, surfaces, self._blocks)
         return links
 
-    def move(self, ids: NDArray, centres: NDArray, radii: NDArray, velocity: NDArray, omega: NDArray) -> None:
+    def move(self, *moving: NDArray, frame: NDArray = STILL) -> None:
         """Move the grains of `start` to their new places; nodes that they uncover are filled. Collective."""
         if self.links is None:
-            self.start(ids, centres, radii, velocity, omega)
+            self.start(*moving, frame=frame)
             return
-        self._table = table = _merged(self._fixed, sorted_table(ids, centres, radii, velocity, omega))
+        self._take_grains(moving, frame)
         self.refill.exchange()
-        change = self._solid.update(table)
+        change = self._solid.update(self._table)
         covered, filled = self.refill.change(change)
         self.fluid.nodes_changed(self._solid.settle())
         self.links.place()
         if self.refill.keeps_mass and len(covered) + len(filled):
             self._pending = self._account(change, covered, filled)
+
+    def _take_grains(self, moving: Sequence[NDArray], frame: NDArray) -> None:
+        """What links see of a shaken fluid has been pushed for half a step more than it is told with: so are grains."""
+        ids, centres, radii, velocity, omega = moving
+        d = self._dimensions
+        seen = sorted_table(ids, centres, radii, velocity - 0.5 * frame[:d], omega)
+        self._table = _merged(self._fixed, seen)
+        self.refill.frame[...] = kernel_axes(frame[None, :d])[0]
 
     def _account(self, change: Change, covered: NDArray, filled: NDArray) -> Gains:
         """Gains of grains from nodes that they cover and uncover: part of the next step's forces, or of mass alone."""

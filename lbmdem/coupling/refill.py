@@ -44,7 +44,7 @@ MODES = {
 
 class Refill:
     """Fills uncovered nodes of a fluid. `bind` comes first, then at every move `exchange` and `change`; both are
-    collective."""
+    collective. frame[3]: acceleration of a shaken frame."""
 
     def __init__(self, window: Window, fluid: Fluid, world: World, mode: str) -> None:
         self.keeps_mass = mode in ("mass-conserving", "conserving")
@@ -53,6 +53,7 @@ class Refill:
         self._average, self._mode = mode == "average", mode
         self._window, self._fluid, self._world = window, fluid, world
         self._fill: Fill | None = None
+        self.frame = np.zeros(3)
 
     def bind(self, arena: Arena) -> None:
         """Make the tasks that fill the nodes which `Solid`, whose arena this is, will uncover. Collective. Not before
@@ -66,7 +67,7 @@ class Refill:
         self._populations = Populations(fluid.f, layout.strides, layout.slots, layout.shifts)
         self._nodes = Nodes(fluid.ids.reshape(-1), self._window.shape, self._window.inner, self._window.box)
         sizes = np.array([layout.nx, layout.rows, layout.planes], np.int64)
-        source = kernels.Source(sizes, self._edges, directions.e, fluid.lattice.w, MODES[self._mode])
+        source = kernels.Source(sizes, self._edges, directions.e, fluid.lattice.w, MODES[self._mode], self.frame)
         shares = parts_of(fluid.pool.threads)
         given = {"shares": shares, "populations": self._populations, "nodes": self._nodes, "source": source}
         arena.set(density=0.0)

@@ -20,7 +20,7 @@ class Drive:
     def apply(self, step: int) -> None:
         """Body force and pressures for the time step from `step` to step + 1."""
         if self._shaken:
-            self._fluid.set_force(self._scene.body_force(step + 0.5))
+            self._fluid.set_force(self._scene.body_force(step), told=self._scene.body_force(step + 1))
         if self._creeps and step % HOLD_STEPS:
             return
         for name, face in self._scene.faces.items():
@@ -32,7 +32,9 @@ class Drive:
                 self._fluid.set_face(name, density=density)
 
     def restore(self, step: int) -> None:
-        """Pressures as they were after so many steps."""
+        """Body force and pressures as they were after so many steps."""
+        if self._shaken:
+            self._fluid.set_force(self._scene.body_force(step))
         for name, face in self._scene.faces.items() if self.changes else ():
             if face.rate:
                 self._fluid.set_face(name, density=face.density + face.rate * self.ramp_steps(step))

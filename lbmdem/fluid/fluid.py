@@ -188,12 +188,16 @@ class Fluid:
         """Take notice of edits at these flat places of `solid` alone: ghosts among them, but not those beyond walls."""
         self.nodes.renew(places)
 
-    def set_force(self, force: ArrayLike | None) -> None:
-        """Force per volume for the steps to come; None if the fluid was made without."""
+    def set_force(self, force: ArrayLike | None, told: ArrayLike | None = None) -> None:
+        """Force per volume for the steps to come; None if the fluid was made without.
+
+        told: that of the end of the next step, if it is another one. Momentum there has the share of that: a force that
+        changes enters by the trapezoid then, to second order.
+        """
         if (force is not None) != (self.collision.forcing is not None):
             raise ValueError("a fluid made without a force takes none later")
         self.force = None if force is None else np.array(force, float)
-        self._shift[...] = self.collision.shift(force)
+        self._shift[...] = self.collision.shift(force if told is None else told)
         self._numbers[...] = self.collision.numbers(force)
         self._shift_in_storage[[2, 1, 0] if self.domain.ndim == 3 else [2, 0]] = self._shift
 

@@ -16,7 +16,8 @@ CHUNK = 128  # nodes
 
 class Source(NamedTuple):
     """What nodes are filled from: sizes[3] of the slab (x, row, plane), edge as `populations_of` wants it, e[q, 3] and
-    w[q] of the lattice, and the mode.
+    w[q] of the lattice, the mode, and frame[3], the acceleration of a shaken frame: grains have the velocity of half a
+    step later (`Immersed.start`), and populations are half a step before their own.
     """
 
     sizes: NDArray[np.int64]
@@ -24,6 +25,7 @@ class Source(NamedTuple):
     e: NDArray[np.int64]
     w: NDArray[np.float64]
     mode: int
+    frame: NDArray[np.float64]
 
 
 @njit
@@ -203,7 +205,7 @@ def fill(share, shares, own, own_by, lengths, table, window, populations, parity
 
     Neighbours that are being uncovered too are not asked.
     """
-    sizes, edge, e, w, mode = source
+    sizes, edge, e, w, mode, frame = source
     h, steps = np.zeros(w.size), offsets_of_kinds(populations, parity, sizes)
     where, kinds = np.empty(CHUNK * w.size, np.int64), np.empty(CHUNK * w.size, np.int64)
     sums, after = np.empty(CHUNK * w.size), np.empty(CHUNK, np.int64)
@@ -225,7 +227,7 @@ def fill(share, shares, own, own_by, lengths, table, window, populations, parity
             else:
                 density = mean(populations, parity, nodes, sizes, edge, e, w, mode, chunk[n], h)
             v = grain_velocity(chunk[n], own_by[0, first + n], table, lengths[GRAINS], window)
-            add_equilibrium(h, e, w, 1.0, density, v[0], v[1], v[2])
+            add_equilibrium(h, e, w, 1.0, density, v[0] + frame[0], v[1] + frame[1], v[2] + frame[2])
             put(populations, parity, nodes, chunk[n], h)
 
 
@@ -234,10 +236,10 @@ def fill_average(share, shares, own, own_by, lengths, table, window, populations
     """Give a share of the uncovered nodes own[0] the equilibrium with the velocity of the grain own_by[0] and the mean
     density of the fluid, 1 + density.
     """
-    h = np.zeros(source.w.size)
+    h, frame = np.zeros(source.w.size), source.frame
     for n in range(share * lengths[UNCOVERED] // shares, (share + 1) * lengths[UNCOVERED] // shares):
         v = grain_velocity(own[0, n], own_by[0, n], table, lengths[GRAINS], window)
-        add_equilibrium(h, source.e, source.w, 1.0, density, v[0], v[1], v[2])
+        add_equilibrium(h, source.e, source.w, 1.0, density, v[0] + frame[0], v[1] + frame[1], v[2] + frame[2])
         put(populations, parity, nodes, own[0, n], h)
 
 

@@ -97,13 +97,13 @@ class Scene:
             shape = shape * (6.0 * share * (1.0 - share))
         return shape[..., None] * np.array(face.velocity)
 
-    def body_force(self, step: float) -> NDArray[np.float64]:
+    def body_force(self, step: int) -> NDArray[np.float64]:
         """Acceleration of the fluid at a step, in lattice units: of the case, and of the shaken frame."""
-        return self.acceleration - self.shaken(step * self.time_step) / self.units.acceleration
+        return self.acceleration - self.frame(step)
 
-    def shaken(self, t: float) -> NDArray[np.float64]:
-        """Acceleration of the frame at time t, in m/s2."""
-        return self.shaken_at(np.array([t]))[0]
+    def frame(self, step: int) -> NDArray[np.float64]:
+        """Acceleration of the shaken frame at a step, in lattice units."""
+        return self.shaken_at(np.array([step * self.time_step]))[0] / self.units.acceleration
 
     def shaken_at(self, times: NDArray) -> NDArray[np.float64]:
         """Accelerations [m, d] of the frame at times [m], in m/s2."""
@@ -112,6 +112,10 @@ class Scene:
             return np.zeros((len(times), self.dimensions))
         sines = [math.sin(2.0 * math.pi * shaking.frequency * t) for t in times.tolist()]
         return np.array(sines)[:, None] * np.array(shaking.acceleration)
+
+    def shaken_over(self, times: NDArray) -> NDArray[np.float64]:
+        """Accelerations [m, d] of the frame over steps from times [m]: the mean of both ends, as the fluid gets it."""
+        return 0.5 * (self.shaken_at(times) + self.shaken_at(times + self.time_step))
 
     def constant_force(self, mass: NDArray, volume: NDArray) -> NDArray[np.float64]:
         """Force [n, d] on grains that links do not give, N: weight less buoyancy, and rho V a of a body force a.

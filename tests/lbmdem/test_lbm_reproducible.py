@@ -93,6 +93,7 @@ LAWS = {
     "3D central single": job(DUCT, 'fluid.storage="single"', 'fluid.collision="central"'),
     **{f"discs {name}": job(DISCS, f'coupling.refill="{name}"') for name in REFILLS},
     "discs explicit": job(DISCS, 'coupling.inertia="explicit"', 'contact.tangential="regularised"'),
+    "discs shaken": job(DISCS, "shaking.acceleration=[0.5, 0.2]", "shaking.frequency=20.0"),
     "spheres": job(SPHERES),
     "bed seen at rest": job(BED),
     "narrow bed": job(BED, NARROW),
