@@ -1,0 +1,73 @@
+"""Gaps that are too narrow for the lattice: between discs that stay, and between these and walls.
+
+Measured are the flows that a body force drives through square arrays of discs, and past discs in the middle of a
+channel, at offsets from the nodes (docs/measured/lbmdem.md). Spheres leave wider ways beside their narrowest gaps:
+arrays of them are right within 2.5 % at gaps of a node, so nothing is told in 3D.
+"""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpcpic.core.case.derived import Derived, judged, rounded_down
+from lbmdem.case.config import AXES, LbmDemConfig, whole_spacing
+from lbmdem.forecast.relaxation import SPACING
+from lbmdem.setup.overlap_survey import plane_gap
+
+BETWEEN_DISCS, BESIDE_WALLS = 5.0, 2.0  # nodes in a gap, from which on it is right within about 4 and 2 %
+CLOSED = 1e-3  # nodes: what is nearer touches, and nothing flows between
+
+
+def throats(config: LbmDemConfig) -> Iterator[Derived]:
+    """The narrowest gaps beside discs that stay at positions that the case gives, in nodes."""
+    sets = [group for group in config.grains if not group.moving and len(group.centres)]
+    if config.dimensions == 3 or not sets:
+        return
+    x = np.concatenate([np.array(group.centres, np.float64) for group in sets])
+    own = [(len(group.centres), group.own_diameters, group.smallest_diameter) for group in sets]
+    radius = 0.5 * np.concatenate([np.full(n, least) if sizes is None else sizes for n, sizes, least in own])
+    for beside, gap, least, source in (
+        ("discs that stay", between_discs(config, x, radius), BETWEEN_DISCS, "28 % at 2.5, 12 at 3, 7 at 4, 4 at 5"),
+        ("a disc that stays and a wall", beside_walls(config, x, radius), BESIDE_WALLS, "20 % at 1, 2 at 2"),
+    ):
+        if math.isfinite(gap):
+            fine = whole_spacing(config.domain.size, gap / least) or rounded_down(gap / least)
+            yield judged(
+                f"narrowest gap between {beside}", "h/dx", gap / config.spacing, legal=True, limit=f">= {least:g}",
+                ok=gap >= least * config.spacing * (1.0 - 1e-9), source=f"flow through it, off by {source}",
+                key=SPACING, cure=f"domain.spacing = {fine:.9g} resolves it",
+            )  # fmt: skip
+
+
+def between_discs(config: LbmDemConfig, x: NDArray[np.float64], radius: NDArray[np.float64]) -> float:
+    """The narrowest gap (m) between discs at x[n, 2], also across periodic sides; infinite where all are wide."""
+    from scipy.spatial import cKDTree
+
+    length = np.array(config.domain.size)
+    periodic = np.array([axis in config.domain.periodic for axis in AXES[:2]])
+    place = np.where(periodic, x % length, x)
+    place[periodic & (place >= length)] = 0.0  # of a remainder that was rounded up
+    tree = cKDTree(place, boxsize=np.where(periodic, length, 0.0))  # 0: no period
+    pairs = tree.query_pairs(2.0 * (float(radius.max()) + BETWEEN_DISCS * config.spacing), output_type="ndarray")
+    apart = place[pairs[:, 0]] - place[pairs[:, 1]]
+    apart -= np.where(periodic, length * np.rint(apart / length), 0.0)
+    gaps = np.hypot(apart[:, 0], apart[:, 1]) - radius[pairs].sum(axis=1)
+    own = [side - 2.0 * radius for side in length[periodic]]  # to its own image
+    return narrowest(np.concatenate([gaps, *own]), config.spacing)
+
+
+def beside_walls(config: LbmDemConfig, x: NDArray[np.float64], radius: NDArray[np.float64]) -> float:
+    """The narrowest gap (m) between discs at x[n, 2] and walls of the box, or planes; infinite without."""
+    opened = {face.face for face in config.boundary if face.type != "wall"}
+    away = [plane_gap(config, x)]
+    for axis, along, length in zip(AXES, x.T, config.domain.size):
+        if axis not in config.domain.periodic:
+            away += [far for side, far in (("-", along), ("+", length - along)) if axis + side not in opened]
+    return narrowest(np.min(away, axis=0) - radius, config.spacing)
+
+
+def narrowest(gaps: NDArray[np.float64], spacing: float) -> float:
+    """The least of gaps (m) that are open; infinite without any."""
+    return float(gaps.min(initial=math.inf, where=gaps > CLOSED * spacing))
