@@ -99,6 +99,10 @@ class Packing(Section):
     high: float | None = setting(None, "upper end; by default the height that the porosity gives", "m")
 
 
+# Components of the vectors of discs
+OF_DISCS = {"position": slice(0, 2), "velocity": slice(0, 2), "angular_velocity": slice(2, 3)}
+
+
 class GrainSet(Section):
     name: str = setting("", "name in the output; by default grains_1, ...")
     shape: Literal["disc", "sphere"] | None = setting(None, "by default discs in 2D, spheres in 3D")
@@ -120,8 +124,12 @@ class GrainSet(Section):
         return self.diameters
 
     def given(self, name: str) -> np.ndarray | None:
-        """An array that the set starts with; None where the case names none."""
-        return arrays(self.start).get(name) if self.start else None
+        """An array that the set starts with; None where the case names none. Of vectors of discs those components that
+        they have: they may come as they are read, with three."""
+        found = arrays(self.start).get(name) if self.start else None
+        if found is None or self.shape != "disc" or found.shape[1:] != (3,):
+            return found
+        return found[:, OF_DISCS[name]]
 
     @property
     def centres(self) -> np.ndarray | tuple[tuple[float, ...], ...]:

@@ -10,7 +10,7 @@ from hpcpic.core.case.own_functions import formula_fault
 from hpcpic.core.case.words import unknown
 from hpcpic.core.files.start import start_faults
 from lbmdem.case.boundaries import Obstacle
-from lbmdem.case.config import AXES, GrainSet, LbmDemConfig, whole, whole_spacing
+from lbmdem.case.config import AXES, OF_DISCS, GrainSet, LbmDemConfig, whole, whole_spacing
 from lbmdem.physics import wall_rules
 from lbmdem.physics.wall_rules import RULES
 from lbmdem.setup.overlap_survey import packing_ends
@@ -233,7 +233,7 @@ def grain_faults(grains: GrainSet, d: int) -> Iterator[tuple[Path, str]]:
     turning = 1 if d == 2 else 3
     shapes = {"position": (None, d), "diameter": (None,), "velocity": (None, d), "angular_velocity": (None, turning)}
     if grains.start is not None:
-        wrong = list(start_faults(grains.start, shapes))
+        wrong = list(start_faults(grains.start, shapes, held=OF_DISCS if d == 2 else {}))
         yield from ((("start", *path), text) for path, text in wrong)
         if wrong:
             return
@@ -248,6 +248,8 @@ def grain_faults(grains: GrainSet, d: int) -> Iterator[tuple[Path, str]]:
         how = "diameters = { min = ..; max = ..; count = ..; } in place of diameter, with min = max where all are equal"
         yield ("packing",), f"needs {how}"
     n = len(grains.centres)
+    if not n and grains.packing is None and grains.start is not None:
+        yield ("start",), "there are no grains in it"
     if n and grains.diameters is not None and grains.diameters.count != n:
         yield ("diameters", "count"), f"is not the number of positions ({n})"
     for name in shapes:

@@ -8,6 +8,7 @@ import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from functools import lru_cache
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,22 +87,30 @@ def arrays(start: Start) -> Mapping[str, NDArray]:
 
 
 def start_faults(
-    start: Start, expected: Mapping[str, tuple[int | None, ...]], rows: int | None = None
+    start: Start,
+    expected: Mapping[str, tuple[int | None, ...]],
+    rows: int | None = None,
+    held: Mapping[str, slice] = MappingProxyType({}),
 ) -> Iterator[Fault]:
     """What is wrong with the arrays. expected: name -> shape, None for a length that all arrays share: `rows` if given.
+
+    held: components that vectors have in this box. These may be [n, 3] too, as vectors are read, and 0 in the others.
     """
     found = arrays(start)
     lengths = {len(values) for name, values in found.items() if values.ndim and None in expected.get(name, ())}
     for name, values in found.items():
+        whole = name in held and values.ndim == 2 and values.shape[1] == 3
+        shape = (None, 3) if whole else expected.get(name, ())
         if name not in expected:
             yield ("file",), f"holds an array {name!r}; there are {', '.join(expected)}"
-        elif len(values.shape) != len(expected[name]) or any(
-            n not in (None, m) for n, m in zip(expected[name], values.shape)
-        ):
+        elif len(values.shape) != len(shape) or any(n not in (None, m) for n, m in zip(shape, values.shape)):
             wanted = ", ".join("n" if n is None else str(n) for n in expected[name])
             yield ("file",), f"{name} must have the shape [{wanted}] (got {list(values.shape)})"
         elif values.dtype.kind not in "fiu" or not np.isfinite(values).all():
             yield ("file",), f"{name} must hold finite numbers"
+        elif whole and np.delete(values, held[name], axis=1).any():
+            others = " and ".join(np.delete(list("xyz"), held[name]))
+            yield ("file",), f"{name} must be 0 in {others} in this box"
     if len(lengths) > 1:
         yield ("file",), f"arrays of different lengths: {', '.join(map(str, sorted(lengths)))}"
     elif rows is not None and lengths - {rows}:

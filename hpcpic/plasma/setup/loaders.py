@@ -287,15 +287,12 @@ class Arrays(Loader):
             yield (), 'start is missing, which init_method "arrays" needs'
             return
         components = 3 if velocity_columns(section) == 3 else dimensions
-        given = arrays(section.start).get("position", np.zeros((0, dimensions)))
-        whole = given.ndim == 2 and given.shape[1] == 3
-        shapes = {"position": (None, 3 if whole else dimensions), "velocity": (None, components)}
+        shapes = {"position": (None, dimensions), "velocity": (None, components)}
         shapes[BEFORE] = shapes["velocity"]
         if {"velocity", BEFORE} <= arrays(section.start).keys():
             yield ("start", "file"), f"holds velocity, of the start, and {BEFORE}, of half a step before: one of them"
-        yield from ((("start", *path), text) for path, text in start_faults(section.start, shapes, section.particles))
-        if whole and given.dtype.kind in "fiu" and given[:, dimensions:].any():
-            yield ("start", "file"), f"position must be 0 along axes that the box of {dimensions}D does not have"
+        found = start_faults(section.start, shapes, section.particles, held={"position": slice(dimensions)})
+        yield from ((("start", *path), text) for path, text in found)
 
     def populations(self, section: Species, axis: int) -> tuple[Population, ...]:
         given = given_velocity(section)
