@@ -114,6 +114,11 @@ class Simulation:
         return self.model.time
 
     @property
+    def time_step(self) -> float:
+        """Length of a step, s; in SPH, which chooses each anew, of the last one, 0 before the first."""
+        return self.model.time_step
+
+    @property
     def iteration(self) -> int:
         """Steps done."""
         return self.model.iteration

@@ -409,3 +409,12 @@ def test_a_restart_in_python_may_go_on_farther_and_changes_nothing_else(oscillat
     for use in (run.restart, run.simulation):
         with pytest.raises(hpcpic.FileError, match="no checkpoint"):
             use(threads=1)
+
+
+@pytest.mark.parametrize("case", [hpcpic.Case("plasma-oscillation"), sph.Case("still-tank"), lbmdem.Case("poiseuille")])
+def test_a_simulation_tells_how_long_its_steps_are(case):
+    with case.simulation(threads=1) as sim:
+        for _ in range(2):
+            before = sim.time
+            sim.step()
+            assert sim.time - before == pytest.approx(sim.time_step, rel=1e-12) and sim.time_step > 0.0
