@@ -70,7 +70,7 @@ def make_sweep_command(app_loader: AppLoader) -> click.Command:
             if code == 5:
                 click.echo(f"stopped after {k + 1} of {len(combinations)} runs; the same command goes on")
                 return code
-        _tell(rows, folder)
+        _tell(rows, folder, results_of(app, path, combinations[0]))
         return 0
 
     return sweep
@@ -225,8 +225,12 @@ def _write(path: Path, rows: list[dict[str, Any]]) -> None:
 def _columns(rows: list[dict[str, Any]]) -> list[str]:
     """Those that some row has: the settings, how it went, the scalars."""
     names = list(dict.fromkeys(name for row in rows for name in row))
-    settings = {name for row in rows for name in itertools.takewhile(lambda name: name not in _FACTS, row)}
+    settings = _settings(rows)
     return sorted(names, key=lambda name: name not in settings)
+
+
+def _settings(rows: list[dict[str, Any]]) -> set[str]:
+    return {name for row in rows for name in itertools.takewhile(lambda name: name not in _FACTS, row)}
 
 
 def _short(value: Any) -> str:
@@ -241,8 +245,15 @@ def _short(value: Any) -> str:
     return cell
 
 
-def _tell(rows: list[dict[str, Any]], folder: Path) -> None:
-    columns = _columns(rows)
+def results_of(app: App, path: str, sets: tuple[str, ...]) -> list[str]:
+    """Names of what the case is about, as `tradeoff` knows it; some are columns of its series."""
+    return [quantity.name for quantity in app.knobs(read_case(app, path, sets).config).quantities()] if app.knobs else []
+
+
+def _tell(rows: list[dict[str, Any]], folder: Path, results: Sequence[str]) -> None:
+    """The table as far as it is not too wide: settings, results, how it went, other scalars."""
+    settings = _settings(rows)
+    columns = sorted(_columns(rows), key=lambda name: (name not in settings, name not in results))
     shown = [name for name in columns if name != "state_digest"][:12]
     table(shown, [[_short(row.get(name)) for name in shown] for row in rows])
     others = [name for name in columns if name not in shown]

@@ -15,7 +15,7 @@ from hpcpic.core.cli.doctor import _try_launcher
 from hpcpic.core.cli.launch import _environment, launch, launcher
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.files.rundir import RunDir
-from hpcpic.core.study.sweep import _short, expand, run_once, split
+from hpcpic.core.study.sweep import _short, _tell, expand, results_of, run_once, split
 
 
 def table(toy):
@@ -159,3 +159,14 @@ def test_a_signal_lets_the_run_write_its_checkpoint_and_is_exit_5(hangups, toy, 
         os.kill(sweep.pid, signal.Signals[name])  # what others do
     assert sweep.wait(timeout=20) == 5
     assert toy.facts("s/0000")["status"] == "stopped" and toy.checkpoints("s/0000")[-1] > 0
+
+
+def test_the_result_of_a_case_stands_beside_its_settings(tmp_path, capsys):
+    app = import_module("lbmdem.__main__").load_app()
+    path = str(ROOT / "configs/lbmdem/permeability.conf")
+    row = {"run": "0000", "fluid.storage": '"single"', "status": "finished", "exit_code": 0, "steps": 9, "time": 1.0}
+    row |= {f"scalar_{k}": 0.0 for k in range(12)} | {"permeability": 2e-9}
+    _tell([row], tmp_path, results_of(app, path, ()))
+    heading, values, _ = capsys.readouterr().out.splitlines()
+    assert heading.split()[:4] == ["run", "fluid.storage", "permeability", "status"]
+    assert values.split()[2] == "2e-09"
