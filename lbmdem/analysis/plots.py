@@ -41,9 +41,12 @@ from lbmdem.case.config import LbmDemConfig
 from lbmdem.diagnostics.sample import slice_edges
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from hpcpic.core.files.reader import Fields, Run
+
+SPIKE = 3.0  # times the largest force of later, from where a blow of the start is cut off
 
 
 def _fields(run: Run) -> Fields:
@@ -284,10 +287,22 @@ def forces(run: Run, step: int | None = None) -> Figure:
             for along, colour in zip("xyz"[: config.dimensions], COLOURS):
                 axis.plot(*thinned(*columns_of(run, f"force_{name}_{along}")), color=colour, label=along)
             unit = run.series.units[f"force_{name}_x"]
+            _cut_the_start_off(axis)
             axis.set(ylabel=axis_label("force", unit), title=f"Force on {plain(name)}")
             axis.legend(ncols=3)
         axes[-1, 0].set_xlabel("time, s")
         return figure
+
+
+def _cut_the_start_off(axis: Axes) -> None:
+    """Let an axis show all of its lines after the first fifth of the time, where a blow of the start is far beyond."""
+    t, force = np.concatenate([line.get_xydata() for line in axis.get_lines()]).T
+    first = t <= t.min() + (t.max() - t.min()) / 5.0
+    low, high = float(force.min(where=~first, initial=0.0)), float(force.max(where=~first, initial=0.0))
+    blow = float(np.abs(force[first]).max())
+    if blow > SPIKE * max(high, -low) > 0.0:
+        axis.set_ylim(low - 0.5 * (high - low), high + 0.5 * (high - low))
+        axis.text(0.99, 0.03, f"{blow:.2g} at the start is cut off", transform=axis.transAxes, ha="right")
 
 
 def _decay(config: LbmDemConfig) -> float:

@@ -67,9 +67,8 @@ class FluidSection(Section):
     )
     time_step: float | None = setting(None, "time step, instead of relaxation_time", "s", gt=0)
     collision: Literal["BGK", "TRT", "central"] = setting(
-        "TRT",
-        "one relaxation time (the paper), two, or central moments, which stay stable as tau goes to 1/2 and have a bulk "
-        "viscosity of dx^2/(6 dt): at tau = 0.6 they damp sound 3 times as fast as the others",
+        "TRT", "one relaxation time (the paper), two, or central moments: stable as tau goes to 1/2, with a bulk "
+        "viscosity of dx^2/(6 dt), so that at tau = 0.6 they damp sound 3 times as fast",
     )
     magic: float = setting(3.0 / 16.0, "TRT: (tau+ - 1/2)(tau- - 1/2); 3/16 puts walls half-way exactly", gt=0)
     storage: Literal["double", "single"] = setting("double", "type in which populations are kept")
@@ -101,8 +100,7 @@ class Packing(Section):
     high: float | None = setting(None, "upper end; by default the height that the porosity gives", "m")
 
 
-# Components of the vectors of discs
-OF_DISCS = {"position": slice(0, 2), "velocity": slice(0, 2), "angular_velocity": slice(2, 3)}
+OF_DISCS = {"position": slice(2), "velocity": slice(2), "angular_velocity": slice(2, 3)}  # components of vectors
 
 
 class GrainSet(Section):

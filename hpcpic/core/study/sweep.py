@@ -247,7 +247,8 @@ def _short(value: Any) -> str:
 
 def results_of(app: App, path: str, sets: tuple[str, ...]) -> list[str]:
     """Names of what the case is about, as `tradeoff` knows it; some are columns of its series."""
-    return [quantity.name for quantity in app.knobs(read_case(app, path, sets).config).quantities()] if app.knobs else []
+    config = read_case(app, path, sets).config
+    return [quantity.name for quantity in app.knobs(config).quantities()] if app.knobs else []
 
 
 def _tell(rows: list[dict[str, Any]], folder: Path, results: Sequence[str]) -> None:

@@ -5,12 +5,13 @@ import functools
 import numpy as np
 import pytest
 from figure_texts import unreadable
+from matplotlib import pyplot
 
 import lbmdem
 from hpcpic.core.app.figures import NoData, save
 from hpcpic.core.files.reader import open_run
 from lbmdem.analysis import grain_plots
-from lbmdem.analysis.plots import PLOTS, config_of
+from lbmdem.analysis.plots import PLOTS, _cut_the_start_off, config_of
 
 SHORT = {
     "settling-disc": {"domain.spacing": 4e-4, "simulation.end_time": 0.2, "output.period.fields": 0.1},
@@ -77,6 +78,20 @@ def test_the_force_on_a_sphere_that_stays_is_drawn_as_the_series_has_it(run):
     for along, line in zip("xyz", axes.get_lines(), strict=True):
         assert line.get_label() == along
         assert np.array_equal(line.get_ydata(), run.series[f"force_sphere_{along}"])
+
+
+@pytest.mark.parametrize(("blow", "cut"), [(20.0, True), (2.0, False)])
+def test_a_blow_of_the_start_leaves_the_forces_after_it_their_place(blow, cut):
+    """All that comes after the first fifth of the time fills half of the figure, which says what it cuts off."""
+    t = np.linspace(0.0, 1.0, 101)
+    _, axes = pyplot.subplots()
+    axes.plot(t, np.where(t < 0.01, blow, np.sin(9.0 * t)))
+    axes.plot(t, -0.5 + 0.0 * t)
+    _cut_the_start_off(axes)
+    low, high = axes.get_ylim()
+    assert low < -1.0 and (1.0 < high < 4.0) and (high < blow) == cut
+    assert [text.get_text() for text in axes.texts] == (["20 at the start is cut off"] if cut else [])
+    pyplot.close()
 
 
 @pytest.mark.parametrize("run", ["slide-to-roll"], indirect=True)
