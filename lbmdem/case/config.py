@@ -14,9 +14,10 @@ from hpcpic.core.case.config import Tree
 from hpcpic.core.case.gauge import Gauge
 from hpcpic.core.case.schema import REQUIRED, Lengths, Section, Vector, as_tuple, setting
 from hpcpic.core.case.words import one_of, one_period, one_viscosity
-from hpcpic.core.files.start import Start, arrays, attach_arrays
+from hpcpic.core.files.start import Start, attach_arrays
 from hpcpic.core.physics.contact_law import SHEAR_RATIO, ContactLaw, stable_step
 from lbmdem.case.boundaries import Boundary, Obstacle
+from lbmdem.case.grain_arrays import given
 
 AXES = "xyz"
 ACCURATE = 0.2  # of the largest stable step of the contacts, for their accuracy
@@ -100,9 +101,6 @@ class Packing(Section):
     high: float | None = setting(None, "upper end; by default the height that the porosity gives", "m")
 
 
-OF_DISCS = {"position": slice(2), "velocity": slice(2), "angular_velocity": slice(2, 3)}  # components of vectors
-
-
 class GrainSet(Section):
     name: str = setting("", "name in the output; by default grains_1, ...")
     shape: Literal["disc", "sphere"] | None = setting(None, "by default discs in 2D, spheres in 3D")
@@ -124,12 +122,8 @@ class GrainSet(Section):
         return self.diameters
 
     def given(self, name: str) -> np.ndarray | None:
-        """An array that the set starts with; None where the case names none. Of vectors of discs those components that
-        they have: they may come as they are read, with three."""
-        found = arrays(self.start).get(name) if self.start else None
-        if found is None or self.shape != "disc" or found.shape[1:] != (3,):
-            return found
-        return found[:, OF_DISCS[name]]
+        """An array that the set starts with; None where the case names none."""
+        return given(self.start, self.shape, name)
 
     @property
     def centres(self) -> np.ndarray | tuple[tuple[float, ...], ...]:
@@ -146,8 +140,7 @@ class GrainSet(Section):
 
     def at_start(self, name: Literal["velocity", "angular_velocity"]) -> np.ndarray:
         """Velocities [n, k] at the start, m/s or rad/s; one row where all grains have the same."""
-        given = self.given(name)
-        return np.array([getattr(self, name)] if given is None else given, np.float64)
+        return np.array([getattr(self, name)] if (rows := self.given(name)) is None else rows, np.float64)
 
     @property
     def smallest_diameter(self) -> float:

@@ -10,7 +10,8 @@ from hpcpic.core.case.own_functions import formula_fault
 from hpcpic.core.case.words import unknown
 from hpcpic.core.files.start import start_faults
 from lbmdem.case.boundaries import Obstacle
-from lbmdem.case.config import AXES, OF_DISCS, GrainSet, LbmDemConfig, whole, whole_spacing
+from lbmdem.case.config import AXES, GrainSet, LbmDemConfig, whole, whole_spacing
+from lbmdem.case.grain_arrays import OF_DISCS
 from lbmdem.physics import wall_rules
 from lbmdem.physics.wall_rules import RULES
 from lbmdem.setup.overlap_survey import packing_ends
