@@ -24,7 +24,7 @@ MAX_BYTES = 1 << 20
 
 Path = tuple[str | int, ...]
 SET_PATH = re.compile(r"[A-Za-z*][-A-Za-z0-9_*]*(\.[A-Za-z*][-A-Za-z0-9_*]*|\[[0-9]{1,6}\])*")
-WORD = re.compile(r"[A-Za-z][-A-Za-z0-9_]*")
+WORD = re.compile(r"[A-Za-z][-A-Za-z0-9_]*(\.[-A-Za-z0-9_]+)*")  # also a name of a file, as hull.stl
 
 
 @dataclass(frozen=True, slots=True)

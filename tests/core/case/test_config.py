@@ -384,7 +384,8 @@ def test_a_text_without_quotes_is_told_how_a_shell_leaves_them(assignment, examp
 def test_values_parse_as_in_a_file():
     assert parse_value("[1, 2.0]") == [1, 2.0]
     assert parse_value("True") is True and parse_value("CIC") == "CIC" and parse_value('"a b"') == "a b"
-    for text in ("", "1 2", "1; x = 2", "}", "{"):
+    assert parse_value("hull.v2.stl") == "hull.v2.stl"
+    for text in ("", "1 2", "1; x = 2", "}", "{", "hull.", "a..b"):
         with pytest.raises(ConfigError):
             parse_value(text)
 
