@@ -131,15 +131,20 @@ def impact(config: SphConfig) -> bool:
 
 
 def forces(run: Run, step: int | None = None) -> Figure:
-    """Force along x on the measured walls: as it is and through the 13 ms triangular filter of (SC)."""
+    """Force along x on the measured walls: as it is and, of samples that are close enough, through the 13 ms triangular
+    filter of (SC).
+    """
     names = measured_walls(run)
     with style():
         figure, axes = new_figure(len(names), 1, (6.4, 3.4 * len(names)), squeeze=False, sharex=True)
         for axis, name in zip(axes[:, 0], names):
             t, force = theory.mean_rate(*columns_of(run, f"impulse_{name}_x"))
             smooth = theory.triangular(t, force)
-            axis.plot(t, force, color=COLOURS[6], linewidth=0.5, alpha=0.5, label="unfiltered")
-            axis.plot(*thinned(t, smooth), color=COLOURS[0], linewidth=1.5, label="13 ms filter")
+            if np.diff(t).min(initial=np.inf) < theory.FILTER / 2:  # else each mean is of one sample
+                axis.plot(t, force, color=COLOURS[6], linewidth=0.5, alpha=0.5, label="unfiltered")
+                axis.plot(*thinned(t, smooth), color=COLOURS[0], linewidth=1.5, label="13 ms filter")
+            else:
+                axis.plot(t, force, color=COLOURS[0], linewidth=1.5, label="mean between samples")
             if name == "column" and impact(config_of(run)):
                 at, known = experiments.COLUMN_FORCE.T
                 look = DATA | {"markersize": 2.8, "label": "experiment: Yeh & Petroff, 0.068 s earlier"}

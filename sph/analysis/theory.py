@@ -5,6 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+FILTER = 0.013  # s, of (SC)
 
 def poiseuille(z: NDArray, t: float, force: float, nu: float, width: float, terms: int = 60) -> NDArray[np.float64]:
     """v(z, t) of (MP 24), with the signs that make the flow follow the force; z from one plane, F in m/s2."""
@@ -122,8 +123,8 @@ def cushioned_fall(
     return np.interp(t, times, way), np.interp(t, times, pressure)
 
 
-def triangular(t: NDArray, values: NDArray, width: float = 0.013) -> NDArray[np.float64]:
-    """Two-sided moving average with triangular weights over `width` s (SC: 13 ms), for any sample times.
+def triangular(t: NDArray, values: NDArray, width: float = FILTER) -> NDArray[np.float64]:
+    """Two-sided moving average with triangular weights over `width` s, for any sample times.
 
     Weights are those of the time between samples, so an uneven step does not tilt the average.
     """

@@ -165,9 +165,9 @@ def test_a_picture_in_space_has_x_to_the_right_and_z_upwards():
 BLOW, BLOW_AT = 0.65, 0.20005  # N s, s
 
 
-def run_with_a_blow():
+def run_with_a_blow(step=1e-4):
     """Column impact: 4 N along x with a blow in one of the steps of 0.1 ms; of abs(F) 10 N all the time."""
-    t = 1e-4 * np.arange(3000)
+    t = step * np.arange(round(0.3 / step))
     along = 4.0 * t + BLOW * (t > BLOW_AT)
     columns = {"impulse_column": 10.0 * t, "impulse_column_x": along}
     units = {"impulse_column": "N s", "force_column_x": "N"}
@@ -185,6 +185,15 @@ def test_forces_are_rates_of_the_impulse_and_their_mean_over_13_ms_beside_the_ex
     np.testing.assert_allclose(smooth.get_data(), [t, 4.0 + BLOW * triangle], rtol=1e-3)
     at, force = measured.get_data()
     np.testing.assert_allclose([at + experiments.COLUMN_SHIFT, force], experiments.COLUMN_FORCE.T, atol=1e-12)
+
+
+@pytest.mark.parametrize("step, filtered", [(6e-3, True), (7e-3, False), (1e-2, False)])
+def test_forces_have_no_filter_that_holds_one_sample(step, filtered):
+    """Half of 13 ms on either side reaches the next sample, or none."""
+    lines = plots.forces(run_with_a_blow(step)).axes[0].lines
+    assert ("13 ms filter" in [line.get_label() for line in lines]) == filtered
+    t, force = lines[0].get_data()
+    np.testing.assert_allclose(force, 4.0 + BLOW / step * np.isclose(t, BLOW_AT, atol=step / 2), rtol=1e-6)
 
 
 def test_impulses_are_those_along_x_and_of_the_size_of_the_force_beside_the_experiment():
