@@ -271,7 +271,8 @@ def filling(config: SphConfig, scene: Scene) -> Iterator[Derived]:
             tanks = [wall for wall in scene.walls if wall.name == name and not wall.section.solid]
             outside = name == DOMAIN or any(reaches_into(wall, fluid) for wall in tanks)
             share = gone / places
-            mostly = share > MOST_CLIPPED
+            whole = any(fills(wall, fluid) for wall in tanks)
+            outside, mostly = outside and not whole, share > MOST_CLIPPED and not whole
             verdict = "fail" if nothing else "warn" if outside or mostly else "ok"
             cure = "nothing is left of it" if nothing else "part of the shape holds no fluid" if outside else ""
             cure = cure or (f"{name} fills its shape with what is solid" if mostly else "")
@@ -304,6 +305,15 @@ def reaches_into(wall: Wall, fluid: FluidSet) -> bool:
     x = x[signed_distance(fluid.section.shape, x) <= 0.0]
     ends = np.array([(c[0], c[-1]) for c in fluid.grid.coordinates])
     return bool(too_near(wall, ends, 0.0, x).any())
+
+
+def fills(wall: Wall, fluid: FluidSet) -> bool:
+    """Whether a box of fluid holds all of a tank that is none, but for what is above it: the tank gives its shape."""
+    box, g, slack = fluid.section.shape.box, wall.scene.gravity, wall.scene.spacing / 2
+    if not box or wall.shape.box or wall.shape.plane:
+        return False
+    beyond = np.array(box.low) > wall.corners[0] + slack, np.array(box.high) < wall.corners[1] - slack
+    return not (np.any(beyond[0] & (g <= 0.0)) or np.any(beyond[1] & (g >= 0.0)))
 
 
 def dividing(edges: list[float], dp: float) -> float:
@@ -343,9 +353,8 @@ def extents(config: SphConfig, scene: Scene, ranks: int) -> Iterator[Derived]:
             cure = "" if ok else f"{3 * scene.support:g} m or more"
             source, verdict = "a particle meets no image of itself twice", "ok" if ok else "fail"
             key = ("domain", "high")
-            yield Derived(
-                f"period along {axis}", "L/support", length / scene.support, "", "> 3", verdict, source, cure, key
-            )
+            title = f"period along {axis}"
+            yield Derived(title, "L/support", length / scene.support, "", "> 3", verdict, source, cure, key)
     for i, wall in enumerate(config.wall):
         if wall.solid and not wall.shape.plane:
             low, high = geometry.bounds(wall.shape)

@@ -209,6 +209,18 @@ def test_what_was_clipped_is_told():
         assert number.verdict == verdict and ("solid" in number.cure) == (verdict == "warn")
 
 
+@pytest.mark.parametrize("low, high, verdict", [
+    ("[0.0, 0.0]", "[1.0, 0.3]", "ok"), ("[0.1, 0.1]", "[0.9, 0.3]", "ok"), ("[0.0, 0.0]", "[1.0, 1.0]", "ok"),
+    ("[0.3, 0.0]", "[1.0, 0.3]", "warn"), ("[0.0, 0.4]", "[1.0, 0.6]", "warn"),
+])  # fmt: skip
+def test_a_box_that_fills_a_round_tank_to_its_top_is_meant(low, high, verdict):
+    """It reaches around the tank but above; of one that ends elsewhere inside, part may be in a wrong place."""
+    text = TANK.replace("low = [0.0, 0.0]; high = [1.0, 0.5]", f"low = {low}; high = {high}")
+    text = text[: text.index("wall = (")] + f'wall = ( {{ name = "disc"; shape = {{ {DISC} }}; }} );'
+    number = next(n for n in derived(configure(loads(text))) if n.name == "fluid_1 clipped by disc")
+    assert number.verdict == verdict
+
+
 def test_a_wall_thinner_than_the_spacing_is_refused():
     gate = '{ name = "gate"; shape = { box = { low = [0.5, 0.0]; high = [0.52, 1.0]; }; }; solid = true; } );'
     text = TANK.rstrip().removesuffix(");") + ", " + gate
