@@ -11,6 +11,7 @@ from sph.case import geometry
 from sph.case.config import WALL_PRESSURE, SphConfig
 from sph.forecast.plausibility import sensible
 from sph.forecast.size import size
+from sph.forecast.waves import waves
 from sph.kernels.marks import CODES
 from sph.physics import stability
 from sph.physics.fluxes import FLUXES
@@ -22,7 +23,7 @@ from sph.setup.mirror_groups import most_images
 from sph.setup.obstacles import DOMAIN, too_near
 from sph.setup.scene import FluidSet, Scene, Wall
 from sph.setup.signed_distance import signed_distance
-from sph.setup.speeds import heights_of, lost_in_a_period, motion_speed
+from sph.setup.speeds import heights_of, motion_speed
 from sph.setup.tanks import edge, ends
 
 SMALL = 6  # spacings across a repulsive body, below which the force on it is off by more than a tenth
@@ -31,10 +32,6 @@ COARSE = 100  # u dp/nu, beyond which the scheme dissipates more than the viscos
 CONTACT = 16  # spacings that a front goes into a wall until its pressure is right: until 4 half as large again or more
 MOST_CLIPPED = 0.5  # of the places of a fluid: more is hardly meant
 STIFF = 50  # c0 / vmax, below which a stress of the strain rate lets a wave of two spacings grow
-WAVES = (1.0, 1.15, 1.3, 1.4, 1.5, 1.6, 2.0), (-5.4, -2.2, -4.3, -4.0, -0.6, 0.0, -0.2)  # h / dp, error in %
-FEWEST = 1.3  # h/dp, below which hardly anything but that period is measured; papers have cases with it
-LONG_WAVES = (1.3, 1.5, 1.6, 1.7, 2.0), (6.5, 4.8, 3.5, 1.3, 0.1)  # the same of the speed of a solitary wave
-CORRECTED_WAVE = 1.5, 0.2  # h / dp from which it is so with corrected gradients: not measured below
 RATIO, MOST_RATIO = 100, 1000  # of densities or viscosities of liquids, which are noticed and refused
 STRETCH = 0.1  # of the spacing along an edge, which is noticed
 CFL, STEP = ("simulation", "cfl"), ("simulation", "time_step")
@@ -51,6 +48,7 @@ def derived(config: SphConfig, ranks: int = 1) -> list[Derived]:
         *step(config),
         *compressibility(config),
         *resolution(config),
+        *waves(config, scene),
         *decoupling(config),
         *fast_walls(config),
         *unlike(config),
@@ -174,18 +172,6 @@ def resolution(config: SphConfig) -> Iterator[Derived]:
     source = "Dehnen & Aly 2012 (pairing)"
     yield Derived("smoothing length", "h/dp", ratio, "", words, verdict, source, cure, key, ratio >= 0.5)
     yield Derived("neighbours", "", neighbours)
-    if any(config.gravity) and kernel == "wendland2" and ratio <= WAVES[0][-1]:
-        error, source = round(float(np.interp(ratio, *WAVES)), 1), "a standing wave in a tank, at any spacing, measured"
-        few = ratio < FEWEST * (1 - 1e-9)
-        verdict, cure = ("warn", "smoothing = 1.5, the default: -0.6 %") if few else ("ok", "")
-        source += "; little else is with so few neighbours" if few else ""
-        yield Derived("error of the period of waves", "", error, "%", f"h/dp >= {FEWEST}", verdict, source, cure, key)
-        corrected = config.numerics.gradient_correction
-        error = CORRECTED_WAVE[1] if corrected else round(float(np.interp(ratio, *LONG_WAVES)), 1)
-        source = "one of 0.3 of the depth after 13 depths, 20 layers, measured; h/dp 2 or gradient_correction cures it"
-        seen = CORRECTED_WAVE[0] if corrected else LONG_WAVES[0][0]
-        if ratio >= seen * (1 - 1e-9) and lost_in_a_period(config) <= 1.0:
-            yield Derived("error of the speed of a solitary wave", "", error, "%", source=source)
 
 
 def decoupling(config: SphConfig) -> Iterator[Derived]:

@@ -268,26 +268,6 @@ def test_a_floor_that_swings_within_itself_pushes_no_fluid(shape, way, pushes):
     assert ("swing of floor beside sound" in told(wall=wall, domain=domain, gravity="[0.0, 0.0]")) == pushes
 
 
-def test_the_error_of_the_period_of_waves_is_told_by_the_smoothing_length():
-    title = "error of the period of waves"
-    assert told(numerics="{ spacing = 0.05; }")[title].value == -0.6  # h/dp 1.5
-    assert told(numerics="{ spacing = 0.05; smoothing = 1.3; }")[title].value == -4.3
-    speed = "error of the speed of a solitary wave"
-    errors = [told(numerics=f"{{ spacing = 0.05; {more} }}")[speed].value
-              for more in ("", "smoothing = 2.0;", "gradient_correction = true;")]  # fmt: skip
-    assert errors == [4.8, 0.1, 0.2]
-    assert speed not in told(numerics="{ spacing = 0.05; smoothing = 1.3; gradient_correction = true; }")
-    assert speed not in told(numerics="{ spacing = 0.05; smoothing = 1.2; }")
-    assert title not in told(gravity="[0.0, 0.0]", eos="{ max_velocity = 1.0; }")
-
-
-@pytest.mark.parametrize("nu, runs", [(1e-3, True), (2.5e-3, True), (2.7e-3, False), (1.0, False)])
-def test_no_solitary_wave_is_told_of_where_viscosity_takes_it_in_a_period(nu, runs):
-    """With omega = sqrt(g k) a wave of 0.3 m on as much water has lost that at nu = omega/(4 pi k^2) = 0.0026 m2/s."""
-    fluid = PARTS["fluid"].replace("shape", f"kinematic_viscosity = {nu}; shape", 1)
-    assert ("error of the speed of a solitary wave" in told(fluid=fluid)) == runs
-
-
 @pytest.mark.parametrize("ratio, verdict", [(0.9, "warn"), (1.0, "warn"), (1.29, "warn"), (1.3, "ok"), (1.5, "ok")])
 def test_too_few_neighbours_for_waves_are_told_and_lead_to_the_default(ratio, verdict):
     """Cases of papers keep 1.3, which is told without a verdict."""
