@@ -13,6 +13,7 @@ from sph.forecast.damping import damping
 from sph.forecast.friction import friction
 from sph.forecast.interfaces import interfaces
 from sph.forecast.joints import joints
+from sph.forecast.moving_walls import moving_walls
 from sph.forecast.size import longest
 from sph.forecast.slips import slips
 from sph.forecast.speed_limits import speed_limits
@@ -26,8 +27,8 @@ from sph.setup.rigid.mass import share
 from sph.setup.rigid.surfaces import TOUCHING, gap, nearest, surfaces
 from sph.setup.scene import Scene, Wall
 from sph.setup.signed_distance import signed_distance
-from sph.setup.speeds import fastest, motion_speed, speed_jump, speed_scale
-from sph.setup.tanks import depth_in, depth_in_wall, open_sides, slides
+from sph.setup.speeds import fastest, speed_scale
+from sph.setup.tanks import depth_in, depth_in_wall, open_sides
 
 DENSE, DENSER = 0.02, 0.1  # rho / rho0 - 1 at rest, which are noticed and refused
 MOST_STEPS = 1e9  # 11 days at a millisecond a step
@@ -40,9 +41,6 @@ LEAST_AMBIENT = 0.5  # rho v^2: three times the absolute pressure, 0.46 of the v
 SMOOTH = 2.0  # h/dp, below which particles that find an order take less room, and a closed gas has that much more
 LEAST_PRESSURE = 2.0  # rho v^2 of an outlet behind a solid: of 0 and 1 a stream around a square fell apart
 RAYS, LONGEST_RAY = 9, 1e6  # particles of a fluid under which a wall is looked for, so many half spacings deep
-LONGEST_SWING = 0.5  # w L / c0 of walls that swing, where no surface gives way
-LARGEST_JUMP = 0.5  # rho v^2: pressure of sound by a jump of the speed of a wall; that of the water where v^2 = 2 g H
-LONGEST_WAY = 1.0  # spacings of a wall in a step, beyond which it jumps over fluid
 
 
 def sensible(config: SphConfig, scene: Scene) -> Iterator[Derived]:
@@ -51,7 +49,7 @@ def sensible(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     yield from steps(config)
     yield from directions(config)
     yield from speed_limits(config, scene)
-    yield from jumps(config, scene)
+    yield from moving_walls(config, scene)
     yield from depths(config, scene)
     yield from gases(config, scene)
     yield from bodies_outside(config)
@@ -121,38 +119,6 @@ def directions(config: SphConfig) -> Iterator[Derived]:
             cure = f"gravity = [{rest}] and body_force = [{force}], which pulls along {axis} as a slope does"
             yield Derived(f"gravity along the periodic {axis}", "", value, "m/s2", "0", "fail", "an endless fall", cure,
                           key, True)  # fmt: skip
-
-
-def jumps(config: SphConfig, scene: Scene) -> Iterator[Derived]:
-    """Walls so fast that they are behind fluid before it has met them, that swing as fast as sound crosses it, and not
-    along it, or whose speed jumps.
-    """
-    dt = stability.time_step(config)
-    boxes = [geometry.bounds(fluid.shape) for fluid in config.fluid]
-    extent = max((b - a for low, high in boxes for a, b in zip(low, high)), default=0.0)
-    for i, wall in enumerate(config.wall):
-        swing = np.array(wall.motion.amplitude if wall.motion else ())
-        if wall.motion and swing.any() and not any(config.gravity) and not slides(scene.walls[i], swing):
-            needed = 2 * math.pi / wall.motion.period * extent / LONGEST_SWING
-            slow = needed > config.sound_speed
-            source = "added mass of a cylinder in a closed box, 1.06 by theory: 1.07 (0.25), 1.16 (0.75), 0.2 (6)"
-            yield Derived(f"swing of {wall.name} beside sound", "w L/c0", LONGEST_SWING * needed / config.sound_speed,
-                          "", f"<= {LONGEST_SWING:g}", "warn" if slow else "ok", source,
-                          f"sound_speed = {1.01 * needed:.3g}" if slow else "", ("eos", "sound_speed"))  # fmt: skip
-        if wall.motion:
-            way = motion_speed(wall.motion) * dt / config.numerics.spacing
-            verdict: Verdict = "ok" if way <= LONGEST_WAY else "fail"
-            cure = "" if verdict == "ok" else f"{LONGEST_WAY * config.numerics.spacing / dt:.3g} m/s or less"
-            yield Derived(f"way of {wall.name} in a step", "v dt/dp", way, "", f"<= {LONGEST_WAY:g}", verdict,
-                          "it jumps over fluid", cure, ("wall", i, "motion"), True)  # fmt: skip
-            jump = speed_jump(scene.walls[i], config.simulation.end_time)
-            pressure = scene.rho0 * config.sound_speed * jump
-            most = LARGEST_JUMP * scene.rho0 * (config.eos.max_velocity or speed_scale(config)) ** 2
-            verdict = "ok" if pressure <= most else "warn"
-            cure = "" if verdict == "ok" else "a smooth path, with more points, also from and to rest"
-            source = f"{jump:.3g} m/s at once, {jump / config.sound_speed:.2g} c0; none where it slides along fluid"
-            yield Derived(f"impact by jumps of the speed of {wall.name}", "rho c0 dv", pressure, "Pa", f"<= {most:.3g}",
-                          verdict, source, cure, ("wall", i, "motion"))  # fmt: skip
 
 
 def depths(config: SphConfig, scene: Scene) -> Iterator[Derived]:
