@@ -9,6 +9,7 @@ from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived, Verdict, judged
 from sph.case import geometry
 from sph.case.config import AXES, SphConfig
+from sph.forecast.bodies import bodies
 from sph.forecast.damping import damping
 from sph.forecast.friction import friction
 from sph.forecast.interfaces import interfaces
@@ -23,8 +24,7 @@ from sph.physics.stray_limits import MAX_DENSITY_ERROR, most_strays
 from sph.setup.flows import at_rest, load
 from sph.setup.obstacles import NEAR
 from sph.setup.openings import Source
-from sph.setup.rigid.mass import share
-from sph.setup.rigid.surfaces import TOUCHING, gap, nearest, surfaces
+from sph.setup.rigid.surfaces import TOUCHING, nearest, surfaces
 from sph.setup.scene import Scene, Wall
 from sph.setup.signed_distance import signed_distance
 from sph.setup.speeds import fastest, speed_scale
@@ -34,7 +34,6 @@ DENSE, DENSER = 0.02, 0.1  # rho / rho0 - 1 at rest, which are noticed and refus
 MOST_STEPS = 1e9  # 11 days at a millisecond a step
 STRONGEST = 100.0  # m/s2 of gravity; beyond, of a centrifuge, or in other units
 LEAST_ACROSS = 5  # particles, of which the kernel reaches over most
-LIGHTEST = 0.03  # mass of a body over that of it and a layer of fluid
 PUSH = (1.3, 1.6, 2.0), (0.11, 0.035, 0.006)  # by h/dp: C_d that a pressure of rho v^2 adds to a cylinder's, which is 2
 MOST_PUSH = 0.2
 LEAST_AMBIENT = 0.5  # rho v^2: three times the absolute pressure, 0.46 of the volume
@@ -58,7 +57,7 @@ def sensible(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     yield from falling(scene)
     yield from weightless(config)
     yield from unfelt(config)
-    yield from rigid_bodies(scene)
+    yield from bodies(scene)
     yield from friction(config, scene)
     yield from damping(config)
     yield from interfaces(config, scene)
@@ -304,34 +303,6 @@ def slots(scene: Scene) -> Iterator[Derived]:
                               "0.5: nothing passes at first, then half of what should, measured",
                               f"spacing = {least / LEAST_ACROSS:.3g}, or they touch",
                               ("wall", wall.index, "shape"))  # fmt: skip
-
-
-def rigid_bodies(scene: Scene) -> Iterator[Derived]:
-    """Gaps between rigid bodies and walls, and how light a body is."""
-    told: set[frozenset[str]] = set()  # pairs, each of which is told once
-    for wall in scene.walls:
-        if not wall.rigid:
-            continue
-        x, key = wall.near(*wall.bounds)[1], ("wall", wall.index)
-        others = [other for other in scene.walls if other is not wall and {wall.name, other.name} not in told]
-        gaps = [(gap(wall, other), other.name) for other in others]
-        for least, name in sorted(gaps)[:1]:
-            told.add(frozenset((wall.name, name)))
-            verdict: Verdict = "ok" if least >= -TOUCHING * scene.spacing else "fail"
-            source = "contacts push apart what overlaps"
-            cure = "" if verdict == "ok" else f"a place where it touches {name} or is away from it"
-            limit, wet = ">= 0", any(wall.name in fluid.clipped for fluid in scene.fluids)
-            if verdict == "ok" and wet and least < (1.0 - TOUCHING) * scene.spacing:
-                verdict, limit = "warn", f">= {scene.spacing:g}, a layer of fluid"
-                source = f"no fluid gets between them: what is around {wall.name} presses it against {name}"
-                cure = f"a gap of {scene.spacing:g} m"
-            yield Derived(f"gap between {wall.name} and {name}", "", least, "m", limit, verdict, source, cure,
-                          (*key, "shape"))  # fmt: skip
-        part = share(wall, x)
-        verdict = "ok" if part >= LIGHTEST else "fail"
-        cure = "" if verdict == "ok" else "a larger density, or a smaller spacing"
-        yield Derived(f"mass of {wall.name} over that with a layer of fluid", "", part, "", f">= {LIGHTEST:g}", verdict,
-                      "measured: 0.038 stands, 0.013 diverges", cure, (*key, "body", "density"), True)  # fmt: skip
 
 
 def openings(config: SphConfig, scene: Scene) -> Iterator[Derived]:
