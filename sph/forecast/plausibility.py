@@ -6,14 +6,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from hpcpic.core.case.config import Path
-from hpcpic.core.case.derived import Derived, Verdict, judged
+from hpcpic.core.case.derived import Derived, Verdict, judged, rounded_down
 from sph.case import geometry
 from sph.case.config import AXES, SphConfig
 from sph.forecast.bodies import bodies
 from sph.forecast.damping import damping
 from sph.forecast.friction import friction
 from sph.forecast.interfaces import interfaces
-from sph.forecast.joints import joints
+from sph.forecast.joints import joints, walled
 from sph.forecast.moving_walls import moving_walls
 from sph.forecast.size import longest
 from sph.forecast.slips import slips
@@ -39,6 +39,7 @@ MOST_PUSH = 0.2
 LEAST_AMBIENT = 0.5  # rho v^2: three times the absolute pressure, 0.46 of the volume
 SMOOTH = 2.0  # h/dp, below which particles that find an order take less room, and a closed gas has that much more
 LEAST_PRESSURE = 2.0  # rho v^2 of an outlet behind a solid: of 0 and 1 a stream around a square fell apart
+OPENING = 10  # spacings across an opening, below which its discharge is off by a tenth; by as much in 2D at 10
 RAYS, LONGEST_RAY = 9, 1e6  # particles of a fluid under which a wall is looked for, so many half spacings deep
 
 
@@ -63,6 +64,7 @@ def sensible(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     yield from interfaces(config, scene)
     yield from films(scene)
     yield from slots(scene)
+    yield from narrow_openings(scene)
     yield from openings(config, scene)
     if config.fluid:
         limits = f"{1 - MAX_DENSITY_ERROR:g} .. {1 + MAX_DENSITY_ERROR:g} rho0"
@@ -303,6 +305,52 @@ def slots(scene: Scene) -> Iterator[Derived]:
                               "0.5: nothing passes at first, then half of what should, measured",
                               f"spacing = {least / LEAST_ACROSS:.3g}, or they touch",
                               ("wall", wall.index, "shape"))  # fmt: skip
+
+
+def narrow_openings(scene: Scene) -> Iterator[Derived]:
+    """Openings through which fluid runs between boxes that stay and what else stays, with few particles across."""
+    dp, stay = scene.spacing, [w for w in scene.walls if w.shape.box and not (w.moving or w.rigid)]
+    for wall in (wall for wall in stay if wall.section.solid and scene.config.fluid):
+        for other in stay:
+            if other is wall or (other.section.solid and other.index < wall.index):
+                continue
+            found = [high[k] - low[k] for k, low, high in rooms(wall, other) if runs_through(scene, k, low, high)]
+            least = min((width for width in found if width >= (1.0 - TOUCHING) * dp), default=math.inf)
+            if least < OPENING * (1 - 1e-9) * dp:
+                yield Derived(f"spacings across the opening between {wall.name} and {other.name}", "L/dp", least / dp,
+                              "", f">= {OPENING}", "warn", "discharge: hole in 3D -11 % (4), slot +12 % (10), measured",
+                              f"spacing = {rounded_down(least / OPENING):g}", ("numerics", "spacing"))  # fmt: skip
+
+
+def rooms(wall: Wall, other: Wall) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
+    """Boxes between a solid box and another, or a closed face of a tank, that face each other: axis, corners."""
+    (a, b), (c, d), solid = wall.corners, other.corners, other.section.solid
+    first, last = np.maximum(a, c), np.minimum(b, d)
+    for k in range(len(a)):
+        if np.any(np.delete(first >= last, k)):
+            continue
+        for sign, start, end in (("-", d[k] if solid else c[k], a[k]), ("+", b[k], c[k] if solid else d[k])):
+            if start < end and (solid or AXES[k] + sign in other.closed):
+                low, high = first.copy(), last.copy()
+                low[k], high[k] = start, end
+                yield k, low, high
+
+
+def runs_through(scene: Scene, k: int, low: np.ndarray, high: np.ndarray) -> bool:
+    """If nothing is in the middle of a box between walls, nor beyond two opposite sides of it, and walls close the
+    others: an opening, and no passage beside an obstacle.
+    """
+    dp, middle, runs, closed = scene.spacing, (low + high) / 2, 0, 0
+    for m in (m for m in range(scene.dimensions) if m != k):
+        ends = []
+        for end in (low[m] - dp / 2, high[m] + dp / 2):
+            x = np.tile(middle, (int(abs(end - middle[m]) / (dp / 2)) + 2, 1))
+            x[:, m] = np.linspace(middle[m], end, len(x))
+            out = not scene.low[m] < end < scene.high[m]
+            ends.append("wall" if walled(scene, x, 0.0).any() else "out" if out else "")
+        runs += ends == ["", ""]
+        closed += ends == ["wall", "wall"] or bool(scene.periodic[m] and "" not in ends)
+    return runs == 1 and closed == scene.dimensions - 2
 
 
 def openings(config: SphConfig, scene: Scene) -> Iterator[Derived]:

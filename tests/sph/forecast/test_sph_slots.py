@@ -1,4 +1,6 @@
-"""Slots too narrow for a particle, and tanks whose fluid is pressed down by what is no gravity, are told."""
+"""Slots too narrow for a particle, openings too narrow for a discharge, and tanks whose fluid is pressed down by what
+is no gravity, are told.
+"""
 
 import pytest
 from test_sph_plausibility import PARTS, told
@@ -43,6 +45,49 @@ def test_a_slot_between_two_solids_is_told_once(bottom, more, title):
     found = told(wall=wall + gate(f"[0.42, {bottom}]", "[0.6, 0.9]", name="post"))
     assert [name for name in found if "gate and post" in name or "post and gate" in name] == [title]
     assert found[title].verdict == "warn" and found[title].value == pytest.approx(0.4)
+
+
+OPENING = "spacings across the opening between gate and tank"
+
+
+@pytest.mark.parametrize("bottom, wide", [(0.0, None), (0.04, 1.0), (0.16, 4.0), (0.36, 9.0), (0.4, None)])
+def test_a_gate_over_a_floor_is_told_until_ten_spacings_and_the_cure_passes(bottom, wide):
+    wall = PARTS["wall"][:-1] + gate(f"[0.48, {bottom}]", "[0.52, 0.9]")
+    number = told(wall=wall, numerics="{ spacing = 0.04; }").get(OPENING)
+    assert (number is None) == (wide is None)
+    if number:
+        assert number.verdict == "warn" and number.value == pytest.approx(wide)
+        assert OPENING not in told(wall=wall, numerics=f"{{ {number.cure}; }}")
+
+
+def in_space(*solids):
+    """A tank in 3D, 1 m wide and open on top, and solid boxes in it."""
+    boxes = ", ".join(gate(*ends, name=f"s{i}")[2:-2] for i, ends in enumerate(solids))
+    parts = {
+        "simulation": "{ dimensions = 3; end_time = 1.0; }",
+        "gravity": "[0.0, 0.0, -9.81]",
+        "domain": "{ low = [0.0, 0.0, 0.0]; high = [1.0, 1.0, 1.0]; }",
+        "fluid": '( { name = "water"; shape = { box = { low = [0.0, 0.0, 0.5]; high = [1.0, 1.0, 0.9]; }; }; } )',
+        "wall": PARTS["wall"].replace("0.0, 0.0]", "0.0, 0.0, 0.0]").replace("1.0, 1.0]", "1.0, 1.0, 1.0]")
+        .replace("y+", "z+")[:-1] + f", {boxes} )",
+    }  # fmt: skip
+    return {name.split()[-3] + name.split()[-1] for name in told(**parts) if "across the opening" in name}
+
+
+LEFT, RIGHT = ([-0.1, -0.1, 0.4], [0.4, 1.1, 0.5]), ([0.6, -0.1, 0.4], [1.1, 1.1, 0.5])
+FRONT, BACK = ([0.4, -0.1, 0.4], [0.6, 0.4, 0.5]), ([0.4, 0.6, 0.4], [0.6, 1.1, 0.5])
+POST = ([0.4, 0.2, 0.0], [0.6, 0.4, 0.8])
+
+
+@pytest.mark.parametrize("solids, told_of", [
+    ((LEFT, RIGHT), {"s0s1"}),
+    ((LEFT, RIGHT, FRONT, BACK), {"s0s1", "s2s3"}),  # a hole, four spacings wide
+    ((LEFT, RIGHT, FRONT, BACK, ([0.4, 0.4, 0.4], [0.6, 0.6, 0.5])), set()),  # closed
+    ((POST,), set()),  # water goes around it, up to the surface
+    ((([0.4, -0.1, 0.2], [0.5, 1.1, 0.9]),), {"s0tank"}),  # a sluice from side to side
+])  # fmt: skip
+def test_an_opening_in_space_has_walls_on_all_sides(solids, told_of):
+    assert in_space(*solids) == told_of
 
 
 OWN = PARTS["fluid"].replace("shape", 'acceleration = "falls"; shape', 1)
