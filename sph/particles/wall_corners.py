@@ -1,8 +1,12 @@
 """Particles in the corner behind two walls that meet: which wall bears what the fluid does to them.
 
-Fluid in the corner pushes on them through the faces of both. Of a pressure p on the face of a wall A, what acts on the
-particles behind A alone lacks, at the edge, the part along A's normal of what acts on those behind both. So A bears
-that part, whoever's the particle is: booked to its owner, it made a gate of 0.2 x 0.3 m lose 5 % of its load at 12 mm.
+            |  fluid
+     gate A |      q         x, a particle of the floor, is behind both faces: the fluid at q reaches it through either.
+    --------+------------    Fluid pushes A with its pressure times the face of A. A part of that push falls on such
+         x  |  floor B       particles; its component along the normal of A belongs to A, whose ever they are.
+
+Booked to the owner, that part made a gate of 0.2 x 0.3 m lose 5 % of its load at 12 mm. The components along normals
+that are not at right angles are those of a Gram-Schmidt basis (`duals`).
 """
 
 import itertools
@@ -46,21 +50,22 @@ class Shares:
 
 
 class WallCorners:
-    """The shares at the present places of the walls; `walls`: those that share with a measured one."""
+    """The shares at the present places of the walls, without bodies; owns[wall]: it may own shared particles."""
 
     def __init__(self, walls: Walls) -> None:
-        self.scene, self._now = walls.scene, walls
-        solid = [wall for wall in walls.walls if not wall.rigid]
-        self.pairs = [(a, b) for a, b in itertools.permutations(solid, 2)
-                      if (a.measure_force or b.measure_force) and not (b.moving and b.shape.plane)]  # fmt: skip
-        self.walls = np.isin(np.arange(len(walls.scene.walls)), [b.index for _, b in self.pairs])
+        self.scene, self._walls = walls.scene, [wall for wall in walls.walls if not wall.rigid]
+        self._displacement = walls.displacement  # of now
+        self._pairs = [(a, b) for a, b in itertools.permutations(self._walls, 2)
+                       if (a.measure_force or b.measure_force)
+                       and not (b.moving and b.shape.plane)]  # fmt: skip  # whose particles are put back as it slides
+        self.owns = np.isin(np.arange(len(walls.scene.walls)), [b.index for _, b in self._pairs])
         self._tiny = TINY * walls.scene.spacing
         self._at: Reals | None = None
 
     def shares(self) -> Shares:
         """Found anew where walls have moved."""
         step = WAY * self.scene.spacing
-        at = np.rint(self._now.displacement / step) * step
+        at = np.rint(self._displacement / step) * step
         if self._at is None or not np.array_equal(at, self._at):
             self._at, self._shares = at, self._found(at)
         return self._shares
@@ -68,43 +73,45 @@ class WallCorners:
     def _found(self, at: Reals) -> Shares:
         d = self.scene.dimensions
         found = [(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, d)), np.zeros((0, d)))]
-        found += [part for a, b in self.pairs for part in self._corner(at, a, b)]
-        numbers, of, owner, normals = map(np.concatenate, zip(*found))
+        found += [part for a, b in self._pairs for part in self._corner(at, a, b)]
+        numbers, of, owner_normals, normals = map(np.concatenate, zip(*found))
         order = np.argsort(numbers, kind="stable")
         numbers, normals = numbers[order], normals[order]
-        return Shares(numbers, of[order], normals, duals(numbers, owner[order], normals))
+        return Shares(numbers, of[order], normals, duals(numbers, owner_normals[order], normals))
 
     def _corner(self, at: Reals, a: Wall, b: Wall) -> Iterator[tuple[Numbers, Numbers, Reals, Reals]]:
-        """Parts of the particles of b that are behind a too: numbers[n], a[n], the normals [n, d] of b and of a before
-        which fluid may be.
+        """Parts of the particles of b that are behind a too: numbers[n], a[n], the normals [n, d] of b, who owns them,
+        and of a. Fluid is looked for all around, first at half the support, as it may be between walls that are near.
         """
         scene, reach = self.scene, self.scene.support
         low, high = (corner + at[a.index] for corner in a.bounds)
         low, high = np.maximum(low, scene.low) - reach, np.minimum(high, scene.high) + reach
         numbers, x, _ = b.near(low - at[b.index], high - at[b.index])
         x = x + at[b.index]
-        left = self._before(at, a, x) < reach
+        unplaced = self._before(at, a, x) < reach
         ways = np.array(list(itertools.product((-1.0, 0.0, 1.0), repeat=scene.dimensions)))
         for way in np.concatenate([0.5 * ways, ways]) * reach:
-            numbers, x = numbers[left], x[left]
+            numbers, x = numbers[unplaced], x[unplaced]
             both, n_b, n_a = self._seen(at, a, b, x, way)
             yield numbers[both], np.full(len(n_a), a.index), n_b, n_a
-            left = ~both
+            unplaced = ~both
 
     def _seen(self, at: Reals, a: Wall, b: Wall, x: Reals, way: Reals) -> tuple[NDArray[np.bool_], Reals, Reals]:
-        """Which points x[n, d] are behind a and b from places before both, by `way` off; normals of b and a there."""
+        """From x[n, d] go by `way`: if that place q is before a, b and all other walls, and the faces of both there end
+        at each other, x is in their corner. Which are, and the normals of b and a of these.
+        """
         q = x + way
         before_a, before_b = self._before(at, a, q), self._before(at, b, q)
         both = (before_a > 0.0) & (before_b > 0.0) & (np.maximum(before_a, before_b) < self.scene.support)
-        for wall in self._now.walls:
-            if not wall.rigid and wall not in (a, b):
+        for wall in self._walls:
+            if wall not in (a, b):
                 both[both] = self._before(at, wall, q[both]) > 0.0
         x, n_a, n_b = x[both], self._normals(at, a, q[both]), self._normals(at, b, q[both])
         deep_a, deep_b = _dot(way[None], n_a) - before_a[both], _dot(way[None], n_b) - before_b[both]
         good = (deep_a > 0.0) & (deep_b > 0.0) & (_dot(n_a, n_b) ** 2 < 1.0 - SINE * SINE)
         good &= self._before(at, a, x + deep_b[:, None] * n_b) < self._tiny  # the faces end at each other
         good &= self._before(at, b, x + deep_a[:, None] * n_a) < self._tiny
-        both[both] = good
+        both[both] = good  # of those that were left
         return both, n_b[good], n_a[good]
 
     def _normals(self, at: Reals, wall: Wall, x: Reals) -> Reals:
@@ -122,16 +129,15 @@ class WallCorners:
         return -depth_in_wall(wall, x - at[wall.index])
 
 
-def duals(numbers: Numbers, owner: Reals, normals: Reals) -> Reals:
+def duals(numbers: Numbers, owner_normals: Reals, normals: Reals) -> Reals:
     """[n, d]: of the normals of walls, one line for each wall but the owner of a particle, the vectors whose product
     with a force is its part along each, where the parts along the others are taken off.
     """
-    line, first, end = np.arange(len(numbers)), *(np.searchsorted(numbers, numbers, side) for side in ("left", "right"))
-    others = [owner]
+    row, first, end = np.arange(len(numbers)), *(np.searchsorted(numbers, numbers, side) for side in ("left", "right"))
+    others = [owner_normals]
     for k in range(int(np.max(end - first, initial=1))):
-        at = first + k
-        other = (at < end) & (at != line)
-        others.append(np.where(other[:, None], normals[np.where(other, at, line)], 0.0))
+        other = (k < end - first) & (first + k != row)
+        others.append(np.where(other[:, None], normals[np.where(other, first + k, row)], 0.0))
     basis: list[Reals] = []
     for vector in others:
         rest = _beside(basis, vector)

@@ -52,6 +52,7 @@ class WallForces:
         force = np.zeros((3, len(slots)))
         force[axes] = self.sums.forces_on(slots)
         corner, taken, taker, owner = self._in_corners()
+        # what is shared comes twice: given to who takes it, and taken from who owns the particle
         slots, of = np.concatenate([slots, corner, corner]), np.concatenate([of, taker, owner])
         force, terms = np.concatenate([force, taken, -taken], axis=1), []
         for wall in self.measured:
@@ -85,7 +86,8 @@ class WallForces:
             return none, np.zeros((3, 0)), none, none
 
         def find() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-            slots, _ = _slots_of_walls(storage, np.zeros_like(self.ghosts.maps.wall), self._corners.walls)
+            """Of particles that may be shared: slots and numbers, by number."""
+            slots, _ = _slots_of_walls(storage, np.zeros_like(self.ghosts.maps.wall), self._corners.owns)
             slots = slots[storage.flags[slots] & OWN > 0]
             order = np.argsort(storage.numbers(slots))
             return slots[order], storage.numbers(slots)[order]
@@ -97,7 +99,7 @@ class WallForces:
         force = np.zeros((3, len(slots)))
         force[list(scene.axes)] = self.sums.forces_on(slots)
         force[: scene.dimensions] = shares.force(lines, force[: scene.dimensions])
-        return slots, force, shares.of[lines], shares.ids[lines] // (1 << WALL_BITS) - 1
+        return slots, force, shares.of[lines], (shares.ids[lines] >> WALL_BITS) - 1
 
     def _torque(self, wall: Wall, total: NDArray[np.float64]) -> NDArray[np.float64]:
         """[3] N m about the middle of a wall. Pressure goes through the centre of a disc or ball along which fluid
@@ -144,7 +146,7 @@ def bodies_of_walls(walls: Walls, ghosts: Ghosts, slabs: Slabs) -> tuple[Slots, 
     storage = ghosts.storage
 
     def find() -> NDArray[np.int64]:
-        """Slots, walls, and 1 for images: of own particles and of images."""
+        """[3, n]: slots, walls, and whether they are images, of own particles and of images."""
         found = _slots_of_walls(storage, np.array(ghosts.maps.wall), walls.measured)
         image = storage.key[found[0]] % CODES > 0
         own = storage.flags[found[0]] & OWN > 0

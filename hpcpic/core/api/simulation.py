@@ -221,7 +221,9 @@ class Simulation:
             raise Diverged(f"step {self.iteration}, t = {self.time:.6g} s, rank {verdict.rank}: {verdict.diverged}")
 
     def scalars(self) -> dict[str, float]:
-        """The scalars of the series, in the units of `scalar_units`."""
+        """The scalars of the series, in the units of `scalar_units`. Each call, as each line of a series, begins anew
+        the means over time of `wall-pressure` gauges, which are a part of the state.
+        """
         self._meet("scalars()")
         return {name: float(value) for name, value in self.model.scalars().items()}
 
