@@ -23,6 +23,7 @@ from sph.setup.tanks import depth_in_wall
 WAY = 0.1  # spacings that walls move on before corners are sought anew: with the same bits after a restart
 STEP = 1e-3  # spacings over which normals are found
 TINY = 0.05  # spacings
+ROUNDING = 1e-9  # of a share
 SINE = 0.3  # between normals: walls of less are one face
 
 Reals = NDArray[np.float64]
@@ -32,7 +33,8 @@ Numbers = NDArray[np.int64]
 @dataclass(frozen=True, slots=True)
 class Shares:
     """ids[n]: numbers of particles, ascending, one line for each wall that takes a share. of[n]: that wall.
-    The share of a force F is normal[n, d] (dual[n, d] . F); who owns the particle has what is left.
+    The share of a force F is normal[n, d] (dual[n, d] . F), with the dual of `duals` times the part of the particle that
+    is behind the wall; who owns it has what is left.
     """
 
     ids: Numbers
@@ -72,16 +74,19 @@ class WallCorners:
 
     def _found(self, at: Reals) -> Shares:
         d = self.scene.dimensions
-        found = [(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, d)), np.zeros((0, d)))]
+        none = np.zeros(0, np.int64)
+        found = [(none, none, np.zeros((0, d)), np.zeros((0, d)), np.zeros(0))]
         found += [part for a, b in self._pairs for part in self._corner(at, a, b)]
-        numbers, of, owner_normals, normals = map(np.concatenate, zip(*found))
+        numbers, of, owner_normals, normals, parts = map(np.concatenate, zip(*found))
         order = np.argsort(numbers, kind="stable")
         numbers, normals = numbers[order], normals[order]
-        return Shares(numbers, of[order], normals, duals(numbers, owner_normals[order], normals))
+        along = duals(numbers, owner_normals[order], normals)
+        return Shares(numbers, of[order], normals, parts[order, None] * along)
 
-    def _corner(self, at: Reals, a: Wall, b: Wall) -> Iterator[tuple[Numbers, Numbers, Reals, Reals]]:
-        """Parts of the particles of b that are behind a too: numbers[n], a[n], the normals [n, d] of b, who owns them,
-        and of a. Fluid is looked for all around, first at half the support, as it may be between walls that are near.
+    def _corner(self, at: Reals, a: Wall, b: Wall) -> Iterator[tuple[Numbers, Numbers, Reals, Reals, Reals]]:
+        """Some at a time, the particles of b that are behind a too: numbers[n], a[n], the normals [n, d] of b, who owns
+        them, and of a, and which part of each is behind a. Fluid is looked for all around, first at half the support:
+        it may be between walls that are near.
         """
         scene, reach = self.scene, self.scene.support
         low, high = (corner + at[a.index] for corner in a.bounds)
@@ -92,13 +97,13 @@ class WallCorners:
         ways = np.array(list(itertools.product((-1.0, 0.0, 1.0), repeat=scene.dimensions)))
         for way in np.concatenate([0.5 * ways, ways]) * reach:
             numbers, x = numbers[unplaced], x[unplaced]
-            both, n_b, n_a = self._seen(at, a, b, x, way)
-            yield numbers[both], np.full(len(n_a), a.index), n_b, n_a
+            both, n_b, n_a, part = self._seen(at, a, b, x, way)
+            yield numbers[both], np.full(len(n_a), a.index), n_b, n_a, part
             unplaced = ~both
 
-    def _seen(self, at: Reals, a: Wall, b: Wall, x: Reals, way: Reals) -> tuple[NDArray[np.bool_], Reals, Reals]:
+    def _seen(self, at: Reals, a: Wall, b: Wall, x: Reals, way: Reals) -> tuple[NDArray[np.bool_], Reals, Reals, Reals]:
         """From x[n, d] go by `way`: if that place q is before a, b and all other walls, and the faces of both there end
-        at each other, x is in their corner. Which are, and the normals of b and a of these.
+        at each other, x is in their corner. Which are; of these the normals of b and a, and the part behind a.
         """
         q = x + way
         before_a, before_b = self._before(at, a, q), self._before(at, b, q)
@@ -108,11 +113,13 @@ class WallCorners:
                 both[both] = self._before(at, wall, q[both]) > 0.0
         x, n_a, n_b = x[both], self._normals(at, a, q[both]), self._normals(at, b, q[both])
         deep_a, deep_b = _dot(way[None], n_a) - before_a[both], _dot(way[None], n_b) - before_b[both]
-        good = (deep_a > 0.0) & (deep_b > 0.0) & (_dot(n_a, n_b) ** 2 < 1.0 - SINE * SINE)
-        good &= self._before(at, a, x + deep_b[:, None] * n_b) < self._tiny  # the faces end at each other
-        good &= self._before(at, b, x + deep_a[:, None] * n_a) < self._tiny
+        half = 0.5 * self.scene.spacing
+        beside = self._before(at, a, x + (deep_b + half)[:, None] * n_b)  # a, where it stands on b
+        behind = np.clip(0.5 - 0.5 * beside / half, 0.0, 1.0)  # that part of a particle's own square
+        good = (behind > ROUNDING) & (deep_a > -half) & (deep_b > 0.0) & (_dot(n_a, n_b) ** 2 < 1.0 - SINE * SINE)
+        good &= self._before(at, b, x + deep_a[:, None] * n_a) < self._tiny  # the faces end at each other
         both[both] = good  # of those that were left
-        return both, n_b[good], n_a[good]
+        return both, n_b[good], n_a[good], behind[good]
 
     def _normals(self, at: Reals, wall: Wall, x: Reals) -> Reals:
         """[n, d] of a wall, into the fluid, at points x[n, d]."""

@@ -86,7 +86,7 @@ class WallForces:
             return none, np.zeros((3, 0)), none, none
 
         def find() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-            """Of particles that may be shared: slots and numbers, by number."""
+            """Slots and numbers of particles that may be shared, by number."""
             slots, _ = _slots_of_walls(storage, np.zeros_like(self.ghosts.maps.wall), self._corners.owns)
             slots = slots[storage.flags[slots] & OWN > 0]
             order = np.argsort(storage.numbers(slots))
