@@ -33,8 +33,8 @@ Numbers = NDArray[np.int64]
 @dataclass(frozen=True, slots=True)
 class Shares:
     """ids[n]: numbers of particles, ascending, one line for each wall that takes a share. of[n]: that wall.
-    The share of a force F is normal[n, d] (dual[n, d] . F), with the dual of `duals` times the part of the particle that
-    is behind the wall; who owns it has what is left.
+    The share of a force F is normal[n, d] (dual[n, d] . F), with the dual of `duals` times the part of the particle
+    that is behind the wall; who owns it has what is left.
     """
 
     ids: Numbers
