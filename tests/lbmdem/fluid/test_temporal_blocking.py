@@ -250,11 +250,16 @@ def test_a_wave_through_several_ranks_has_the_bits_of_plain_steps(world, lattice
 
 
 @pytest.mark.parametrize(
-    "case", ["taylor-green", "poiseuille", "couette", "sphere-array", "settling-disc", "restitution"]
+    ("case", "more"),
+    [
+        *((case, "") for case in ("taylor-green", "poiseuille", "couette", "sphere-array", "settling-disc")),
+        ("restitution", ""),
+        ("taylor-green", "shaking = { acceleration = [1e-4, 0.0]; frequency = 10.0; };"),
+    ],
 )
-def test_the_estimate_knows_how_many_steps_a_pass_does(case):
-    with running(World.alone(), "lbmdem", shipped_cases()[case].read_text()) as app:
-        expected = 1 if app.dem else app.fluid.depth
+def test_the_estimate_knows_how_many_steps_a_pass_does(case, more):
+    with running(World.alone(), "lbmdem", shipped_cases()[case].read_text() + more) as app:
+        expected = 1 if app.dem or app.driven else app.fluid.depth
         assert steps_per_pass(app.scene.config, 1, 1) == expected
 
 
