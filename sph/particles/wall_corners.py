@@ -20,9 +20,11 @@ from sph.particles.walls import Walls
 from sph.setup.scene import Wall
 from sph.setup.tanks import depth_in_wall
 
-WAY = 0.1  # spacings that walls move on before corners are sought anew: with the same bits after a restart
+WAY = 0.5  # spacings that walls move on before corners are sought anew: with the same bits after a restart
 STEP = 1e-3  # spacings over which normals are found
 TINY = 0.05  # spacings
+TOUCHING = 1.5  # spacings between a wall and the particles of one that it may stand on
+CHUNK = 1 << 12
 ROUNDING = 1e-9  # of a share
 SINE = 0.3  # between normals: walls of less are one face
 
@@ -85,41 +87,43 @@ class WallCorners:
 
     def _corner(self, at: Reals, a: Wall, b: Wall) -> Iterator[tuple[Numbers, Numbers, Reals, Reals, Reals]]:
         """Some at a time, the particles of b that are behind a too: numbers[n], a[n], the normals [n, d] of b, who owns
-        them, and of a, and which part of each is behind a. Fluid is looked for all around, first at half the support:
-        it may be between walls that are near.
+        them, and of a, and which part of each is behind a.
         """
         scene, reach = self.scene, self.scene.support
         low, high = (corner + at[a.index] for corner in a.bounds)
         low, high = np.maximum(low, scene.low) - reach, np.minimum(high, scene.high) + reach
         numbers, x, _ = b.near(low - at[b.index], high - at[b.index])
         x = x + at[b.index]
-        unplaced = self._before(at, a, x) < reach
-        ways = np.array(list(itertools.product((-1.0, 0.0, 1.0), repeat=scene.dimensions)))
-        for way in np.concatenate([0.5 * ways, ways]) * reach:
-            numbers, x = numbers[unplaced], x[unplaced]
-            both, n_b, n_a, part = self._seen(at, a, b, x, way)
-            yield numbers[both], np.full(len(n_a), a.index), n_b, n_a, part
-            unplaced = ~both
+        before = self._before(at, a, x)
+        if before.min(initial=np.inf) > TOUCHING * scene.spacing:
+            return
+        numbers, x = numbers[before < reach], x[before < reach]
+        for k in range(0, len(x), CHUNK):
+            which, n_b, n_a, part = self._seen(at, a, b, x[k : k + CHUNK])
+            yield numbers[k + which], np.full(len(which), a.index), n_b, n_a, part
 
-    def _seen(self, at: Reals, a: Wall, b: Wall, x: Reals, way: Reals) -> tuple[NDArray[np.bool_], Reals, Reals, Reals]:
-        """From x[n, d] go by `way`: if that place q is before a, b and all other walls, and the faces of both there end
-        at each other, x is in their corner. Which are; of these the normals of b and a, and the part behind a.
+    def _seen(self, at: Reals, a: Wall, b: Wall, x: Reals) -> tuple[Numbers, Reals, Reals, Reals]:
+        """Look around points x[n, d], first at half the support, as fluid may be between walls that are near: if a
+        place is before a, b and all other walls, and the faces of both there end at each other, x is in their corner.
+        Which are; of these the normals of b and a, and the part behind a.
         """
-        q = x + way
-        before_a, before_b = self._before(at, a, q), self._before(at, b, q)
-        both = (before_a > 0.0) & (before_b > 0.0) & (np.maximum(before_a, before_b) < self.scene.support)
-        for wall in self._walls:
-            if wall not in (a, b):
-                both[both] = self._before(at, wall, q[both]) > 0.0
-        x, n_a, n_b = x[both], self._normals(at, a, q[both]), self._normals(at, b, q[both])
-        deep_a, deep_b = _dot(way[None], n_a) - before_a[both], _dot(way[None], n_b) - before_b[both]
-        half = 0.5 * self.scene.spacing
-        beside = self._before(at, a, x + (deep_b + half)[:, None] * n_b)  # a, where it stands on b
+        scene, ways = self.scene, np.array(list(itertools.product((-1.0, 0.0, 1.0), repeat=x.shape[1])))
+        ways = np.concatenate([0.5 * ways, ways]) * scene.support
+        which, way = np.repeat(np.arange(len(x)), len(ways)), np.tile(ways, (len(x), 1))
+        for wall in (a, b, *(wall for wall in self._walls if wall not in (a, b))):
+            before = self._before(at, wall, x[which] + way)
+            free = (before > 0.0) & (before < (scene.support if wall in (a, b) else np.inf))
+            which, way = which[free], way[free]
+        before_a, before_b = self._before(at, a, x[which] + way), self._before(at, b, x[which] + way)
+        n_a, n_b = self._normals(at, a, x[which] + way), self._normals(at, b, x[which] + way)
+        deep_a, deep_b = _dot(way, n_a) - before_a, _dot(way, n_b) - before_b
+        half = 0.5 * scene.spacing
+        beside = self._before(at, a, x[which] + (deep_b + half)[:, None] * n_b)  # a, where it stands on b
         behind = np.clip(0.5 - 0.5 * beside / half, 0.0, 1.0)  # that part of a particle's own square
         good = (behind > ROUNDING) & (deep_a > -half) & (deep_b > 0.0) & (_dot(n_a, n_b) ** 2 < 1.0 - SINE * SINE)
-        good &= self._before(at, b, x + deep_a[:, None] * n_a) < self._tiny  # the faces end at each other
-        both[both] = good  # of those that were left
-        return both, n_b[good], n_a[good], behind[good]
+        good &= self._before(at, b, x[which] + deep_a[:, None] * n_a) < self._tiny  # the faces end at each other
+        found, first = np.unique(which[good], return_index=True)
+        return found, n_b[good][first], n_a[good][first], behind[good][first]
 
     def _normals(self, at: Reals, wall: Wall, x: Reals) -> Reals:
         """[n, d] of a wall, into the fluid, at points x[n, d]."""
@@ -131,8 +135,9 @@ class WallCorners:
     def _before(self, at: Reals, wall: Wall, x: Reals) -> Reals:
         """How far points x[n, d] are before a wall, m; through periodic sides too."""
         scene = self.scene
-        length = scene.high - scene.low
-        x = np.where(scene.periodic, x - np.floor((x - scene.low) / length) * length, x)
+        if np.any(scene.periodic):
+            length = scene.high - scene.low
+            x = np.where(scene.periodic, x - np.floor((x - scene.low) / length) * length, x)
         return -depth_in_wall(wall, x - at[wall.index])
 
 
