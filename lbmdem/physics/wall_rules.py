@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hpcpic.core.simd import frozen
 from hpcpic.core.simd.formulas import fma, select
 from hpcpic.core.simd.own import enter
 from lbmdem.physics.velocity_sets import Lattice
@@ -79,6 +80,7 @@ def register(name: str, formula: Callable[[Any, Any, Any, Any, Any], Any]) -> No
     rule = WallRule(name, OWN, 1, HALFWAY, 3, -float(np.mean([formula(q, 0.0, 0.0, 0.0, 1.0) for q in middles])))
     enter(RULES, "wall rule", name, rule, lambda one: formula if one is rule else returned)
     own = formula  # type: ignore[assignment]
+    frozen.keep(f"wall rule {name!r}", formula)
 
 
 def cli(q: Any, gi_x: Any, gi_y: Any, gj_x: Any, push: Any) -> Any:

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hpcpic.core.simd import frozen
 from hpcpic.core.simd.formulas import VECTORS, fma, maximum
 from hpcpic.core.simd.own import enter
 
@@ -71,10 +72,10 @@ class Smoothing:
 
     @property
     def digest(self) -> str:
-        """A hash of the files that the formulas are in, by which compiled code of them is known."""
+        """A hash of the files that the formulas are in and of what they read, by which compiled code is known."""
         files = sorted({formula.__code__.co_filename for formula in (self.w, self.f)})
         text = "".join(line for file in files for line in linecache.getlines(file))
-        return hashlib.sha256(text.encode()).hexdigest()
+        return hashlib.sha256(text.encode() + frozen.digest_of(self.w, self.f)).hexdigest()
 
 
 def of_many(formula: Callable[[Any, Any], Any], q: NDArray | float) -> NDArray[np.float64]:
@@ -96,6 +97,7 @@ def register(smoothing: Smoothing) -> None:
     """
     smoothing.require_sound()
     enter(SMOOTHING, "kernel", smoothing.name, smoothing, lambda one: one.w)
+    frozen.keep(f"kernel {smoothing.name!r}", smoothing.w, smoothing.f)
 
 
 def cubic_w(r, per_h):

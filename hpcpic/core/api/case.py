@@ -24,6 +24,7 @@ from hpcpic.core.case.derived import enforce
 from hpcpic.core.case.dump import dump
 from hpcpic.core.cli.check import numbers_of
 from hpcpic.core.errors import ConfigError
+from hpcpic.core.simd import frozen
 
 if TYPE_CHECKING:
     from hpcpic.core.cli.job import Plan
@@ -187,6 +188,7 @@ class Case:
 
         flags = Flags(threads_of(threads), words(wall), words(checkpoint_every), quiet=quiet, summary=not quiet)
         flags.seconds(), flags.interval()  # which are refused before there is a folder
+        frozen.require_unchanged()
         told = use.keep_own()
         target = run_folder(self._read_case) if folder is None else os.fspath(folder)
         meet("run()")

@@ -15,6 +15,7 @@ from hpcpic.core.app import use
 from hpcpic.core.app.app import App
 from hpcpic.core.errors import ConfigError, Diverged, FileError, HpcpicError
 from hpcpic.core.files import reader
+from hpcpic.core.simd import frozen
 
 if TYPE_CHECKING:
     import xarray
@@ -143,7 +144,8 @@ class Run:
         plots = self._app.plots() if self._app.plots else {}
         if name not in plots:
             raise ConfigError(f"no figure {name!r}; there are {', '.join(plots)}")
-        self._import_kept(self.summary)
+        use.keep_own()
+        use.import_kept(self.summary, self._files.rundir.given)
         try:
             figure: Any = plots[name].make(self._files, step)
         except NoData as error:
@@ -151,11 +153,6 @@ class Run:
         figure.set_facecolor(PAPER)  # of notebooks in the dark
         figure._repr_png_ = lambda: png(figure)  # without pyplot nobody has told IPython how to show a figure
         return figure
-
-    def _import_kept(self, facts: Mapping[str, object]) -> None:
-        """Import what the run has used of Python, unless this process has registered it. Raises ConfigError."""
-        use.keep_own()
-        use.import_kept(facts, self._files.rundir.given)
 
     def restart(
         self,
@@ -182,6 +179,7 @@ class Run:
         sets = tuple(assignments(changes or {}, _keep_nothing))
         flags = Flags(threads_of(threads), words(wall), words(checkpoint_every), quiet=quiet, summary=not quiet)
         flags.seconds(), flags.interval()  # which are refused before the folder is touched
+        frozen.require_unchanged()
         use.keep_own()
         meet("restart()")
         prepare = partial(prepare_restart, str(self.path), until, sets)
@@ -198,7 +196,8 @@ class Run:
         from hpcpic.core.cli.restart import case_of, facts_of
 
         threads = threads_of(threads)
-        self._import_kept(facts_of(self._files.rundir))
+        use.keep_own()
+        use.import_to_go_on(facts_of(self._files.rundir), self._files.rundir.given)
         config, tree, _ = case_of(self._app, self._files.rundir, None, (), 1)
         return Simulation(self._app, config, threads, checkpoints=(self._files.rundir, tree))
 

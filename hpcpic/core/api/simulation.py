@@ -16,6 +16,7 @@ from hpcpic.core.app.app import App
 from hpcpic.core.errors import ConfigError, Diverged
 from hpcpic.core.run.signals import Reason, whole_steps
 from hpcpic.core.run.triggers import Every, EveryTime, Observer
+from hpcpic.core.simd import frozen
 
 if TYPE_CHECKING:
     import xarray
@@ -54,6 +55,7 @@ class Simulation:
         from hpcpic.core.tasks.graph import Pool
         from hpcpic.core.timers import Timers
 
+        frozen.require_unchanged()
         meet("simulation()")
         agree(settings_of(config))
         self.world = World.start()
@@ -174,6 +176,7 @@ class Simulation:
         """
         self._meet("advance()")
         self._refuse_in_observer("step() or advance()")
+        frozen.require_unchanged()
         if steps is not None and until is not None:
             raise ConfigError("advance: say steps=N or until=T, not both")
         steps = None if steps is None else whole(steps, "advance: steps", 0)

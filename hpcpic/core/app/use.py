@@ -106,6 +106,15 @@ def import_kept(facts: Mapping[str, object], given: Path) -> None:
             raise ConfigError(f"{given / name}: not the file that the run was started with")
 
 
+def import_to_go_on(facts: Mapping[str, object], given: Path) -> None:
+    """Import what a run has used, which must read the same numbers and arrays as it did. Raises ConfigError."""
+    from hpcpic.core.simd import frozen
+
+    import_kept(facts, given)
+    values = facts.get("own_values", {})
+    frozen.require_same(values if isinstance(values, dict) else {})
+
+
 def kept_digests() -> dict[str, str]:
     """name -> SHA-256 of the files in use, as run.json has them."""
     return {name: file.digest for name, file in used.items()}

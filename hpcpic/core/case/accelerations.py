@@ -17,6 +17,7 @@ from typing import Any
 
 from hpcpic.core.case.config import Path
 from hpcpic.core.case.own_functions import fault, plain
+from hpcpic.core.simd import frozen
 from hpcpic.core.simd.own import enter
 
 Components = tuple[float, float, float]
@@ -31,6 +32,7 @@ def register(name: str, acceleration: Acceleration) -> None:
     function may be defined again, as in a notebook.
     """
     enter(ACCELERATIONS, "acceleration", name, plain(acceleration), lambda one: one)
+    frozen.keep(f"acceleration {name!r}", acceleration)
 
 
 def compiled(name: str) -> Acceleration:

@@ -66,7 +66,7 @@ def prepare_restart(
     rundir.lock()
     try:
         facts = facts_of(rundir)
-        use.import_kept(facts, rundir.given)
+        use.import_to_go_on(facts, rundir.given)
         config, tree, warnings = case_of(app, rundir, until, sets, world.size)
         warnings += rundir.mend()
         history = settled(facts.get("history", []))

@@ -126,6 +126,7 @@ def prepare_run(
     from hpcpic.core.files.given import config_text, contents
     from hpcpic.core.files.provenance import provenance
     from hpcpic.core.files.rundir import RunDir
+    from hpcpic.core.simd import frozen
 
     read = read_case(app, case, sets)
     numbers = numbers_of(app, read.config, world.size)
@@ -139,6 +140,7 @@ def prepare_run(
         "case": read.path,
         "sets": list(sets),
         "used": use.kept_digests(),
+        "own_values": frozen.kept(),
         "derived": [{key: getattr(number, key) for key in shown} for number in numbers],
     }
     given = contents(read.tree) | use.texts()

@@ -33,6 +33,7 @@ from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
 from numba.extending import register_jitable
 
+from hpcpic.core.simd import frozen
 from hpcpic.core.simd.caches import Store
 from hpcpic.core.simd.resolution import remember
 
@@ -43,7 +44,7 @@ _BARE = "no_cpython_wrapper"  # the option of numba
 PATIENCE_SECONDS = 60.0  # with another process that compiles what is needed here
 NAP_SECONDS = 0.01
 EVERY = "*"  # in place of a program: all there are
-_own: dict[str, bytes] = {}  # module -> hash of a file of the user, of which it may call a function
+_own: dict[str, bytes] = {}  # module -> hash of a file of the user that it may call, and of what that reads
 generated: dict[str, str] = {}  # names of generated modules -> the program they belong to
 
 
@@ -281,7 +282,8 @@ def formulas(*modules: Any) -> None:
 def depends_on(module: str, function: Callable) -> None:
     """Let kernels call a function of the user's own by way of a module's: who may do so is kept apart from others."""
     formula(function)
-    _own[module] = _text_of(function.__code__.co_filename) or os.urandom(32)  # typed in: another one each time
+    text = _text_of(function.__code__.co_filename) or os.urandom(32)  # typed in: another one each time
+    _own[module] = text + frozen.digest_of(function)
 
 
 def _own_text(function: Callable) -> bytes:
