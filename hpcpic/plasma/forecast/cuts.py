@@ -14,6 +14,7 @@ from hpcpic.plasma.setup.scene import Scene
 
 MOST_ROWS = 1 << 22  # that are looked at before a run
 SAMPLE = 1 << 20  # particles of a species, at most, by which its density is known at the start
+GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 LAYING_OUT = 5e7, 150.0  # ns: of a layout, and of a particle of a rank; twice or half as much costs little
 
 
@@ -42,11 +43,18 @@ def first_cuts(config: PlasmaConfig, ranks: int) -> tuple[int, ...]:
         return even
     scene, rows = Scene(config), np.zeros(config.points[-1])
     for species in scene.species:
-        n = min(species.n, SAMPLE)
-        numbers = np.arange(n) * species.n // max(n, 1)
+        numbers = sampled(species.n, SAMPLE)
         at = species.positions(species.first + numbers)[:, -1] / scene.spacing[-1]
-        rows += np.bincount(at.astype(np.int64) % len(rows), minlength=len(rows)) * (species.n / max(n, 1))
+        rows += np.bincount(at.astype(np.int64) % len(rows), minlength=len(rows)) * (species.n / max(len(numbers), 1))
     return better_cuts(row_costs(config, rows), even, minimum=1) or even
+
+
+def sampled(n: int, most: int) -> NDArray[np.int64]:
+    """All of n numbers, or one of each of `most` equal parts, by the golden ratio: equal steps would meet the same
+    place of each beam of strata, which come in batches.
+    """
+    part = np.arange(min(n, most))
+    return np.minimum((part + part * GOLDEN % 1.0) * (n / max(len(part), 1)), n - 1).astype(np.int64)
 
 
 def spread_evenly(species: Species) -> bool:

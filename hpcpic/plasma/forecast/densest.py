@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.plasma.case.config import PlasmaConfig
-from hpcpic.plasma.forecast.cuts import spread_evenly
+from hpcpic.plasma.forecast.cuts import sampled, spread_evenly
 from hpcpic.plasma.forecast.scales import plasma_frequency, spacing, thermal_velocities
 from hpcpic.plasma.setup.scene import Scene
 
@@ -53,8 +53,7 @@ def _occupied(config: PlasmaConfig, uneven: list[int]) -> tuple[NDArray, NDArray
     scene, cells = Scene(config), list[NDArray]()
     for i in uneven:
         species = scene.species[i]
-        n = min(species.n, SAMPLE)
-        x = species.positions(species.first + np.arange(n) * species.n // n)
+        x = species.positions(species.first + sampled(species.n, SAMPLE))
         cells.append((x / scene.spacing).astype(np.int64) % np.array(config.points))
     kinds = np.repeat(np.arange(len(uneven)), [len(cell) for cell in cells])
     return np.concatenate(cells), np.array([(kinds == k) / len(cell) for k, cell in enumerate(cells)])

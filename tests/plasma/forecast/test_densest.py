@@ -61,6 +61,17 @@ def test_a_loader_that_fills_a_part_is_judged_there_too():
     assert found["wp max"].value == pytest.approx(math.sqrt(10), rel=0.1)
 
 
+@pytest.mark.parametrize("places", [4, 8])
+def test_a_wave_of_many_strata_is_as_dense_as_one_of_few(places):
+    """Density 1/(1 + a cos kx), of which the densest two cells of 64 have 1.98. Of a million particles a part is looked
+    at; equal steps through them met one place of each beam, in a quarter or an eighth of the box.
+    """
+    strata = f'init_method = "strata"; places = {places}; perturbation = {{ mode = [1]; amplitude = 0.5; }};'
+    text = CASE.replace("[64.0, 32.0]", "[64.0]").replace("[64, 32]", "[64]").replace("32768", "1048576")
+    found, _ = numbers(text=text.replace('init_method = "random position";', strata))
+    assert found["wp max"].value == pytest.approx(math.sqrt(1.98), rel=0.01)
+
+
 @pytest.mark.parametrize("step, verdict", [(0.1, "ok"), (0.27, "warn"), (0.65, "fail")])
 def test_a_dense_slab_diverges_where_its_own_step_is_refused(world, tmp_path, step, verdict):
     """A sixteenth of the box, where wp is 4: wp dt is 0.4, 1.1 and 2.6 there, and on the mean below 0.7."""
