@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from hpcpic.core.app.knobs import Knob, Knobs
@@ -18,6 +18,7 @@ WIDEST = 3.0  # times the theory's limit, or times the case's own size where the
 WIDEST_BLIND = 64.0
 RESOLUTION = 1.01  # a bracket as narrow as this is a limit
 AGREE = 1.05  # horizons, seeds and theory agree within this factor
+STRAIGHT = 0.005  # a number that departs by less from a power of the size is one
 LONGER = 4.0  # the second horizon
 SEEDS = (2, 3)  # beside the case's own
 COLUMNS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # sizes of the second knob of a map, times the case's
@@ -49,6 +50,12 @@ class Axis:
         if self.number is None:
             return math.nan
         return self.number.stable_below if math.isfinite(self.number.stable_below) else self.number.stable_above
+
+    def over(self, numbers: Mapping[str, Derived]) -> float:
+        """What x is of a case with these derived numbers."""
+        assert self.number is not None
+        value = numbers[self.number.name].value
+        return value / self.theory if math.isfinite(self.number.stable_below) else self.theory / value
 
 
 @dataclass(slots=True)
@@ -93,19 +100,43 @@ class Limits:
         below = math.isfinite(here.stable_below)
         x = here.value / here.stable_below if below else here.stable_above / here.value
         power = power if below else -power
-        return Axis(knob, here, self.own[knob.name] * x ** (-1.0 / power), power)
+        axis = Axis(knob, here, self.own[knob.name] * x ** (-1.0 / power), power)
+        return replace(axis, at_one=self.end(axis, others))
+
+    def end(self, axis: Axis, others: Mapping[str, float]) -> float:
+        """The size at which theory ends stability: that of x = 1, but where the number rises faster than a power of the
+        size, as that of a plasma's step with an exact phase, which is refused from half a turn on.
+        """
+        low, high = self.own[axis.knob.name], axis.at_one
+        middle = math.sqrt(low * high)
+        if axis.power < 0.0 or low >= high or all(self.straight(axis, others, size) for size in (middle, high)):
+            return high
+        while high > RESOLUTION * low:
+            middle = math.sqrt(low * high)
+            numbers = self.numbers({**others, axis.knob.name: middle})
+            refused = any(number.verdict == "fail" and not number.forceable for number in numbers.values())
+            low, high = (low, middle) if refused or axis.over(numbers) >= 1.0 else (middle, high)
+        return math.sqrt(low * high)
+
+    def straight(self, axis: Axis, others: Mapping[str, float], size: float) -> bool:
+        """Whether the number at a size is the power of the size that it is about the case."""
+        sizes = {**others, axis.knob.name: size}
+        x = axis.x(axis.knob.size(self.config(sizes)))  # of the size that is made, as steps are whole
+        return abs(axis.over(self.numbers(sizes)) / x - 1.0) < STRAIGHT
+
+    def numbers(self, sizes: Mapping[str, float]) -> dict[str, Derived]:
+        """The derived numbers at these sizes, by name."""
+        config = self.config(sizes) if sizes else self.pilots.read.config
+        return {number.name: number for number in self.pilots.app.derived(config, self.pilots.shape[0])}
 
     def config(self, sizes: Mapping[str, float]) -> Any:
         return self.pilots.config({**self.own, **sizes}, self.knobs.horizon, {})
 
     def number(self, knob: Knob, sizes: Mapping[str, float]) -> Derived | None:
         """The derived number that limits the knob, if it has a limit of stability."""
-        config = self.config(sizes) if sizes else self.pilots.read.config
-        for number in self.pilots.app.derived(config, self.pilots.shape[0]):
-            bounded = math.isfinite(number.stable_below) or math.isfinite(number.stable_above)
-            if number.name == knob.limit and bounded:
-                return number
-        return None
+        number = self.numbers(sizes).get(knob.limit)
+        bounded = number and (math.isfinite(number.stable_below) or math.isfinite(number.stable_above))
+        return number if bounded else None
 
     def run(self, sizes: Mapping[str, float], longer: float = 1.0, seed: int | None = None, words: str = "") -> Pilot:
         more = self.knobs.seed(seed) if self.knobs.seed and seed is not None else ()

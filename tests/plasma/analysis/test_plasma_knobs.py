@@ -6,9 +6,13 @@ import math
 import numpy as np
 import pytest
 from knob_cases import made_again, reader, sizes_of
+from scipy.optimize import brentq
 
+from hpcpic.core.app.read import read_case
 from hpcpic.core.cli.main import build
 from hpcpic.core.files.series import Series
+from hpcpic.core.study.bisection import Limits
+from hpcpic.core.study.pilot import Pilots
 from hpcpic.plasma.analysis.knobs import knobs_of, smooth
 from hpcpic.plasma.app import APP, shipped_cases
 from hpcpic.plasma.configure import configure
@@ -46,6 +50,20 @@ def test_its_own_sizes_are_the_case_itself(case):
     simulation = again.simulation.model_copy(update={"time_step": config.simulation.time_step})
     assert again.model_copy(update={"simulation": simulation}) == config
     assert again.simulation.time_step == pytest.approx(config.simulation.time_step, rel=1e-12)
+
+
+@pytest.mark.parametrize("turn, exact", [(1.0, False), (1.0, True), (2.0, True), (8.0, True)])
+def test_the_end_of_stability_knows_what_an_exact_phase_makes_of_waves_across_the_field(tmp_path, turn, exact):
+    """wp dt sqrt(f) = 2, f = tan(wc dt/2)/(wc dt/2), and 2 without; a bisection to 1 % is off by 0.5 %. With f as that
+    of the case's own step it was 2 for all. Runs follow: 1.72 at wc = wp and 1.265 at 2 wp.
+    """
+    sets = (f"field.magnetic=[0, 0, {turn}]", f"numerics.exact_phase={str(exact).lower()}")
+    case = read_case(APP, "upper-hybrid", sets)
+    knobs = knobs_of(case.config)
+    limits = Limits(Pilots(APP, case, sets, knobs, tmp_path, (1, 1)), knobs)
+    dt = limits.axis(next(knob for knob in knobs.knobs if knob.name == "dt")).size(1.0)
+    across = brentq(lambda dt: dt * dt * np.tan(turn * dt / 2) - 2 * turn * dt, 0.1, 0.9999 * np.pi / turn)
+    assert dt == pytest.approx(across if exact else 2.0, rel=0.01)
 
 
 @pytest.mark.parametrize("case", CASES)
