@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 CURVE = 17  # times of a curve
 BLOCKS = 8  # of a window, for the interval of a mean
 STUDENT = 2.447  # of BLOCKS - 2 degrees of freedom, 95 %
+AT_REST = 1e-20  # of the largest kinetic energy: speeds of 1e-10, far above rounding (1e-16) and below any wave
 BY_SYMMETRY = 1e-3  # of the size that a column of this kind has in the scene
 GRAMMAR = "REDUCTION(COLUMN) or REDUCTION(COLUMN, from=T, to=T)"
 FORM = re.compile(r"\s*(\w+)\(\s*([\w.+-]+)\s*((?:,\s*(?:from|to)\s*=\s*[-+\d.eE]+\s*)*)\)\s*")
@@ -170,10 +171,12 @@ def at_end(column: str, time: float, series: Series) -> float:
 
 
 def grown(energy: NDArray) -> float:
-    """Largest kinetic energy over that at the start; what starts at rest is watched by the guards of the run."""
+    """Largest kinetic energy over that at the start; what starts at rest, but for rounding, is watched by the guards of
+    the run.
+    """
     if not np.isfinite(energy).all():
         return math.inf
-    return float(energy.max() / energy[0]) if energy[0] > 0.0 else 1.0
+    return float(energy.max() / energy[0]) if energy[0] > AT_REST * energy.max() else 1.0
 
 
 def interval(column: str, first: float, until: float, series: Series) -> float:

@@ -9,7 +9,7 @@ import pytest
 from hpcpic.core.app.text import percent
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.files.series import Series
-from hpcpic.core.study.quantities import is_nothing, parsed, telling
+from hpcpic.core.study.quantities import grown, is_nothing, parsed, telling
 
 KNOBS = SimpleNamespace(time=10.0, quantities=lambda: [SimpleNamespace(name="energy")])
 T = np.linspace(0.0, 10.0, 2001)
@@ -100,6 +100,14 @@ def test_what_is_zero_by_symmetry_is_told_from_what_is_small():
     nothing = [name for name in series if is_nothing(series, name)]
     assert nothing == ["force_bar_y", "momentum_x"]  # beside force_bar_x; beside sqrt(2 m E); front_x has no peer
     assert telling(series) == ["energy_kinetic", "front_x"]
+
+
+def test_what_starts_at_rest_but_for_rounding_has_not_grown():
+    """The lattice has speeds of 1e-17 at rest: what a force drives from there passed for an instability."""
+    driven = np.linspace(0.0, 1e-2, 100) ** 2
+    assert grown(driven) == 1.0 and grown(driven + 1e-34) == 1.0
+    assert grown(1e-12 * np.exp(2.0 * T)) == pytest.approx(math.exp(20.0))  # a small wave that grows
+    assert grown(np.array([1.0, np.nan])) == math.inf
 
 
 def test_shares_are_said_in_percent():
