@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 PERIODS = 5  # of an oscillation whose frequency is wanted
 GROWTH_WINDOW = (3.5, 6.5)  # e-folds after the start: other roots have died out, the beams are not trapped yet
+LEAST_GROWTH = 1.0  # e-folds in the run: less is no growth that a slope shows
 DAMPING_WINDOW = (0.7, 3.6)  # periods after the start: other roots have died out, noise is still small
 LEAST_DAMPING = 1e-3  # of the frequency: a damping rate that the noise of particles hides
 SAMPLES = 129  # of a window, the same times in every pilot
@@ -199,7 +200,7 @@ def quantities_of(config: PlasmaConfig, time: float) -> list[Quantity]:
         found.append(Quantity("gyration", text, min(time, PERIODS * period), measure, why=why))
     mode = started_mode(config)
     law = predict(config, mode)
-    if law is not None:
+    if law is not None and not 0.0 < law.omega.imag * time < LEAST_GROWTH:
         found += waves(law, mode, time)
     elif any(s.perturbation for s in config.species) and any(mode) and in_series(mode):
         found.append(course_of(mode, time))

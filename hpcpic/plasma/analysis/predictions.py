@@ -254,7 +254,8 @@ def _compare_damping(t: np.ndarray, amplitude: np.ndarray, law: Prediction, know
     below = np.flatnonzero(heights < OVER_NOISE * noise)
     last = min(LAST, (int(below[0]) if below.size else times.size) - 1)
     if last < 3:
-        raise series_analysis.NoFit(f"it meets the noise after {last + 1} of the four maxima that a fit needs")
+        words = "it meets the noise, or traps particles as large waves do,"
+        raise series_analysis.NoFit(f"{words} after {last + 1} of the four maxima that a fit needs")
     window = (t >= times[1]) & (t <= times[last])  # the first maximum has other roots in it
     wave = series_analysis.signed(amplitude)[window]
     fit = series_analysis.fit_oscillation(t[window], wave, frequency=law.omega.real, rate=law.omega.imag)

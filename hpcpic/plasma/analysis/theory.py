@@ -95,7 +95,8 @@ def bernstein(k: float, beam: Beam, cyclotron_frequency: float, most: float) -> 
 def unstable_root(k: float, beams: Sequence[Beam]) -> complex:
     """The fastest growing root of warm beams at wave number k; raises NoRoot when nothing grows.
 
-    Newton's method from the cold roots and from a net of points over the band of resonant frequencies.
+    Newton's method from the cold roots, from a net of points over the band of resonant frequencies, and from the waves
+    of each beam as all others shield it, which are far slower than the net is fine where ions sound among electrons.
     """
     if all(b.thermal_velocity == 0.0 for b in beams):
         best = complex(cold_roots(k, beams)[0])
@@ -107,6 +108,7 @@ def unstable_root(k: float, beams: Sequence[Beam]) -> complex:
     low, high = min(*resonances, -wp) - wp, max(*resonances, wp) + wp
     starts = [complex(w.real, abs(w.imag) + 0.01 * wp) for w in cold_roots(k, beams)]
     starts += [complex(re, im * wp) for im in (0.02, 0.1, 0.3, 0.6) for re in np.linspace(low, high, 25)]
+    starts += [complex(k * b.drift + w, 0.1 * abs(w)) for b in beams for w in _shielded(k, b, beams)]
     found = []
     for start in starts:
         try:
@@ -118,6 +120,14 @@ def unstable_root(k: float, beams: Sequence[Beam]) -> complex:
     if not found:
         raise NoRoot(f"nothing grows at k = {k}")
     return max(found, key=lambda w: w.imag)
+
+
+def _shielded(k: float, beam: Beam, beams: Sequence[Beam]) -> tuple[float, float]:
+    """Frequencies of a beam's own waves in its frame: warm fluid among others that follow the potential at once."""
+    others = (b for b in beams if b is not beam and b.thermal_velocity)
+    shield = sum((b.plasma_frequency / (k * b.thermal_velocity)) ** 2 for b in others)
+    frequency = float(np.sqrt(beam.plasma_frequency**2 / (1.0 + shield) + 3.0 * (k * beam.thermal_velocity) ** 2))
+    return -frequency, frequency
 
 
 def two_stream_growth(k_v0: float, wb: float) -> float:
