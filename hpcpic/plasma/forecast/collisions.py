@@ -1,0 +1,78 @@
+"""How far macro-particles, which are few, bring temperatures together: they collide far more than real particles."""
+
+import math
+from collections.abc import Iterator
+
+from hpcpic.core.case.derived import Derived, judged, rounded_up
+from hpcpic.plasma.case.config import PlasmaConfig, Species
+from hpcpic.plasma.forecast.scales import MOST_WITHOUT_FIELD, field_axes, plasma_frequency, spacing
+from hpcpic.plasma.setup.loaders import loader_of
+from hpcpic.plasma.setup.macro_particles import macro_charge, macro_mass
+
+ALIKE = 2.0  # charges over masses within this factor are one kind: others share their energy far more slowly
+UNEQUAL = 1.25  # energies of macro-particles that differ by more have something to share
+SEEN = 0.1  # of a difference
+
+
+def collisions(config: PlasmaConfig) -> Iterator[Derived]:
+    """How many e-folds a difference of temperature loses in the run, where species or axes of the lightest kind differ
+    by more than a quarter. In 1D macro-particles do not collide; across a magnetic field no rate was measured.
+    """
+    moving = [species for species in config.species if plasma_frequency(config, species)]
+    if field_axes(config) < 2 or any(config.field.magnetic) or not moving:
+        return
+    fastest = max(abs(species.charge / species.mass) for species in moving)
+    kind = [species for species in moving if abs(species.charge / species.mass) * ALIKE > fastest]
+    energies = [macro_mass(config, s) * square for s in kind for square in squares(config, s)]
+    if not energies or max(energies) < UNEQUAL * min(energies):
+        return
+    wp = math.hypot(*(plasma_frequency(config, species) for species in kind))
+    time = wp * abs(config.simulation.time_step) * config.simulation.cycles
+    lost = time * collision_rate(debye_cells(config, kind, wp), per_cell(config, kind), field_axes(config))
+    charges = [abs(macro_charge(config, species)) for species in kind]
+    weights = max(charges) > UNEQUAL * min(charges)
+    source = "measured: differences between energies of macro-particles fall by exp(-nu t)"
+    if weights:
+        source += "; those of a larger weight come to a lower temperature"
+    cure = f"{rounded_up(lost / SEEN):g} times the particles" + (", or all of one weight" if weights else "")
+    yield judged(
+        "collisions of macro-particles", "nu t", lost, limit=f"< {SEEN:g}", ok=lost < SEEN, legal=True, source=source,
+        cure=cure, key=("species", config.species.index(kind[0]), "particles"),
+    )  # fmt: skip
+
+
+def collision_rate(debye: float, per_cell: float, axes: int) -> float:
+    """Rate of a difference of temperature, over wp: debye in cells, per_cell particles of one charge.
+
+    Two species of one mass, CIC, lambda_D from 0.5 to 4 dx (docs/measured/plasma.md): as one over the particles in a
+    Debye length and the size of their clouds together (Hockney, J. Comput. Phys. 8, 19, 1971); in 3D with Landau's
+    logarithm, which ends where clouds overlap.
+    """
+    if axes == 2:
+        return 0.059 / (per_cell * (debye * debye + 0.41))
+    return 0.0047 * math.log(1.0 + 4.0 * debye * debye) / (per_cell * debye**3)
+
+
+def squares(config: PlasmaConfig, species: Species) -> list[float]:
+    """Squared velocity spreads of a species that has heat, along axes with a field."""
+    axes = [axis for axis, n in enumerate(config.points) if n > MOST_WITHOUT_FIELD]
+    parts = [part for axis in axes for part in loader_of(species).populations(species, axis)]
+    return [part.spread**2 for part in parts if part.spread]
+
+
+def debye_cells(config: PlasmaConfig, kind: list[Species], wp: float) -> float:
+    """Debye length of the mean heat of a kind, in cells."""
+    heat = sum(
+        plasma_frequency(config, species) ** 2 * sum(found) / len(found)
+        for species in kind
+        if (found := squares(config, species))
+    )
+    dx = [one for one, n in zip(spacing(config), config.points) if n > MOST_WITHOUT_FIELD]
+    return math.sqrt(heat) / wp / wp / math.prod(dx) ** (1 / len(dx))
+
+
+def per_cell(config: PlasmaConfig, kind: list[Species]) -> float:
+    """Particles per cell of one charge that make the noise of a kind: (sum N |q|)^2 / sum N q^2."""
+    charges = [(species.particles, abs(macro_charge(config, species))) for species in kind]
+    total = sum(n * q for n, q in charges)
+    return total * total / sum(n * q * q for n, q in charges) / math.prod(config.points)
