@@ -36,6 +36,7 @@ class ErrorConfig(Section):
     start: float = setting(0.0, "error that is drawn anew with the number of particles")
     limit: float = setting(0.5, "dt beyond which the energy grows")
     slow: float = setting(0.0, "growth rate at dt = limit/2, in proportion to dt", "1/s")
+    late: float = setting(0.0, "time at which it diverges beyond the limit, where no energy grows before", "s")
     mode: int = setting(1, "scheme: 2 halves the error in dx, unless dt is turned too", ge=1, le=2)
     offset: float = setting(0.0, "error that no knob makes, always the same")
     dear: float = setting(1.0, "exponent of the cost of dx that is told")
@@ -76,9 +77,13 @@ class ErrorToy(toy_app.Toy):
         start = c.start * math.sin(c.particles)
         half += c.bump / (A * c.dx**c.order) if 0.105 < c.dx < 0.13 else 0.0
         answer = 1 + start + half * A * c.dx**c.order - B * c.dt**2 + C / c.particles + c.noise * drawn + c.offset
-        fast = 0.5 if c.dt > c.limit else 0.0
+        fast = 0.5 if c.dt > c.limit and not c.late else 0.0
         rate = c.slow * 2 * c.dt / c.limit
         return {"answer": answer, "energy_total": math.exp(fast * self.iteration + rate * self.time)}
+
+    def guard(self) -> str | None:
+        c = self.config
+        return "all is lost" if c.dt > c.limit and 0.0 < c.late < self.time else super().guard()
 
 
 def settings(config: ErrorConfig, sizes: Mapping[str, float], time: float) -> tuple[str, ...]:

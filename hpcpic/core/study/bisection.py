@@ -65,6 +65,7 @@ class Limit:
     stable: float | None
     unstable: float | None
     slow: bool = False  # 4 times the horizon moves it by more than 5 %: no limit, a slow growth
+    late: bool = False  # it shows in the longer horizon alone, as of what starts at rest
     seeds: dict[int, bool] = field(default_factory=dict)  # seed -> same within 5 %
     tried: dict[float, float] = field(default_factory=dict)  # x -> growth, infinite of a run that diverged
     ended: str = ""  # what ended the least unstable run
@@ -151,15 +152,17 @@ class Limits:
             raise CheckFailed(f"the run {pilot.folder} did not start: {pilot.words}")
         return self.knobs.growth(pilot.series)
 
-    def bisect(self, axis: Axis, beside: Mapping[str, float] | None = None, start: float = 1.0) -> Limit:
-        """The limit on the axis at the first horizon, from a bracket about `start`."""
+    def bisect(
+        self, axis: Axis, beside: Mapping[str, float] | None = None, start: float = 1.0, longer: float = 1.0
+    ) -> Limit:
+        """The limit on the axis, from a bracket about `start`, at so many times the first horizon."""
         name, others = axis.knob.name, beside or {}
         tried: dict[float, float] = {}
         ends: dict[float, str] = {}
 
         def probe(x: float) -> tuple[float, bool]:
             words = f"{x:.4g} of the theory's limit" if axis.number else f"{x:.4g} of the case's"
-            pilot = self.run({**others, name: axis.size(x)}, words=words)
+            pilot = self.run({**others, name: axis.size(x)}, longer, words=words)
             real = axis.x(pilot.sizes[name])
             tried[real] = self.growth(pilot)
             how = ": ".join(pilot.words.strip().split(": ")[:3])  # without the ways out
@@ -167,7 +170,7 @@ class Limits:
             return real, tried[real] > BLOWUP
 
         limit = bracketed(probe, start, WIDEST if axis.number else WIDEST_BLIND, axis.most)
-        limit.tried, limit.ended = tried, ends.get(limit.unstable or 0.0, "")
+        limit.tried, limit.ended, limit.late = tried, ends.get(limit.unstable or 0.0, ""), longer > 1.0
         return limit
 
     def confirm(self, axis: Axis, limit: Limit) -> None:

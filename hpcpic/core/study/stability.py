@@ -56,7 +56,7 @@ def find(
     threads: int,
 ) -> None:
     """The limit of one knob, or the map of two. Raises ConfigError and CheckFailed."""
-    from hpcpic.core.study.bisection import Limits
+    from hpcpic.core.study.bisection import LONGER, Limits
     from hpcpic.core.study.pilot import Pilots
     from hpcpic.core.study.tradeoff import knobs_of
 
@@ -75,6 +75,8 @@ def find(
     limit = limits.bisect(axis)
     if math.isfinite(limit.x):
         limits.confirm(axis, limit)
+    elif axis.number is not None and limit.unstable is None:  # theory has an end that has not shown yet
+        limit = limits.bisect(axis, longer=LONGER)
     rates = limits.rates(axis) if limit.slow or not math.isfinite(limit.x) else []
     write_json(folder / "stability.json", facts(limits, axis, limit, rates))
     click.echo(f"search      {limits.pilots.took}")
@@ -118,10 +120,7 @@ def tell(limits: Limits, axis: Axis, limit: Limit, rates: list[tuple[float, floa
                 f"            {number.symbol} = {ratio * axis.theory:.4g}, theory {axis.theory:g} ({number.source}): "
                 f"measured/theory = {ratio:.3f}"
             )
-        seeds = ", ".join(f"seed {seed} {'agrees' if same else 'differs'}" for seed, same in limit.seeds.items())
-        seeds = seeds or "nothing in the scene is random, so no other seed was run"
-        longer = f"four times as long {'moves it by over 5 %' if limit.slow else 'the same'}"
-        click.echo(f"            {seeds}; {longer}")
+        click.echo(f"            {confirmed(limits, limit)}")
         click.echo(f"the case    {knob.name} = {knob.shown(own):.4g} {knob.unit} is {own / size:.3g} of it")
         click.echo(strip(axis.x(own) / limit.x))
         side = "larger" if axis.power > 0.0 else "smaller"
@@ -144,6 +143,16 @@ def tell(limits: Limits, axis: Axis, limit: Limit, rates: list[tuple[float, floa
     if rates:
         click.echo("slow growth, no limit; rate of growth:" if limit.slow else "rate of growth:")
         table((with_unit(knob), "1/s"), [(shown(knob.shown(s)), shown(rate, ".3g")) for s, rate in rates])
+
+
+def confirmed(limits: Limits, limit: Limit) -> str:
+    """What longer runs and other seeds said of a limit."""
+    if limit.late:
+        return "found by runs four times as long; in shorter ones nothing grows"
+    seeds = ", ".join(f"seed {seed} {'agrees' if same else 'differs'}" for seed, same in limit.seeds.items())
+    if not limits.knobs.seed:
+        seeds = "nothing in the scene is random, so no other seed was run"
+    return f"{seeds}; four times as long {'moves it by over 5 %' if limit.slow else 'the same'}"
 
 
 def tell_tried(axis: Axis, limit: Limit) -> None:
@@ -198,6 +207,7 @@ def facts(limits: Limits, axis: Axis, limit: Limit, rates: list[tuple[float, flo
         "measured_over_theory": limit.x if known and number is not None else None,
         "number": None if number is None else {"symbol": number.symbol, "limit": axis.theory, "source": number.source},
         "slow": limit.slow,
+        "late": limit.late,
         "seeds": {str(seed): same for seed, same in limit.seeds.items()},
         "tried": [(axis.size(x), grown if math.isfinite(grown) else None) for x, grown in sorted(limit.tried.items())],
         "rates": rates,
