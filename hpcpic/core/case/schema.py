@@ -20,6 +20,7 @@ from hpcpic.core.errors import ConfigError
 
 REQUIRED = ...
 MOST_TOLD = 100  # of the faults of a case
+MOST_NAMED = 12  # keys of a group, where none is like the one that is wrong
 
 
 class Section(BaseModel):
@@ -237,7 +238,8 @@ def abridged(value: Any) -> str:
 
 def nearest_key(model: type[Section], path: Path) -> str:
     """The known key meant by the last one of `path`: what the field calls so, in its own group or, if no key has that
-    name, elsewhere; else the most like it in its own group, one of that name anywhere, or one that is a word of it.
+    name, elsewhere; else the most like it in its own group, one of that name anywhere, or one that is a word of it; else
+    all of a small group.
     """
     *groups, name = path
     own = model
@@ -262,7 +264,9 @@ def nearest_key(model: type[Section], path: Path) -> str:
         among = [key for key in parts if parts[key][-1] in words]
         elsewhere = sorted(among, key=lambda key: -len(words.intersection(parts[key])))
     outside = " outside of all groups" if elsewhere and "." not in elsewhere[0] else ""
-    return f"; did you mean {elsewhere[0]!r}{outside}?" if elsewhere else ""
+    if elsewhere:
+        return f"; did you mean {elsewhere[0]!r}{outside}?"
+    return f"; there are {', '.join(own.model_fields)}" if len(own.model_fields) <= MOST_NAMED else ""
 
 
 @functools.cache

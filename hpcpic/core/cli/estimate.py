@@ -48,7 +48,9 @@ def print_estimate(app: App, config: Any, ranks: int, threads: int) -> None:
         print_phases(estimate)
     one = app.estimate(config, 1, 1, rates)
     efficiency = one.step_seconds / (ranks * threads * estimate.step_seconds)
-    whole = ("whole run", duration(estimate.seconds)), ("a step", shown(1e3 * estimate.step_seconds, ".4g", "ms"))
+    whole = [("whole run", duration(estimate.seconds)), ("its start", duration(estimate.start))]
+    whole += [("its samples of the series", duration(estimate.sampling))] if estimate.sampling else []
+    whole += [("a step", shown(1e3 * estimate.step_seconds, ".4g", "ms"))]
     head = f"time on {several(ranks, 'rank')} x {several(threads, 'thread')}"
     table((head, "value"), [*whole, ("efficiency of 1 x 1", shown(efficiency, ".0%"))], right=("value",))
     click.echo(
@@ -68,9 +70,7 @@ def print_phases(estimate: Estimate) -> None:
         for name, spent in estimate.phases.items()
         if spent
     ]
-    share = shown(estimate.sampling / estimate.seconds, ".1%")
-    sampling = ("samples of the series", shown(1e3 * estimate.sampling, ".4g", "ms"), share)
-    table(("a step", "time", "share"), [*rows, *([sampling] if estimate.sampling else [])], right=("time", "share"))
+    table(("a step", "time", "share"), rows, right=("time", "share"))
     click.echo()
 
 

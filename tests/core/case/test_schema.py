@@ -76,6 +76,11 @@ mass = 1.0;
     assert sorted(messages) == sorted(expected)
 
 
+def test_a_key_that_is_like_no_other_is_answered_with_those_that_there_are():
+    (told,) = faults_of("group = { zzz = 1; };")
+    assert told.startswith("case:1:11: group.zzz: unknown key; there are count, ") and told.endswith("shape"), told
+
+
 def test_faults_are_told_in_the_order_of_the_file():
     messages = faults_of("title = 3;\npart = ({ mass = -1; });\ngroup = { shpe = 1; count = 0; };")
     places = [message.split(": ")[0] for message in messages]
