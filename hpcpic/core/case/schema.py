@@ -238,8 +238,8 @@ def abridged(value: Any) -> str:
 
 def nearest_key(model: type[Section], path: Path) -> str:
     """The known key meant by the last one of `path`: what the field calls so, in its own group or, if no key has that
-    name, elsewhere; else the most like it in its own group, one of that name anywhere, or one that is a word of it; else
-    all of a small group.
+    name, elsewhere; else the most like it in its own group, one of that name anywhere, or one that is a word of it;
+    else all of a small group.
     """
     *groups, name = path
     own = model
