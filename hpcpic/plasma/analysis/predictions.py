@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 
 LAST = 8  # half periods of a damped wave that are fitted
+MOST_LEFT = 0.5  # of a steady wave's root mean square: what a fit leaves of a signal that it is no fit of
 OVER_NOISE = 3.0  # of the maxima of a wave that a rate of decay is taken from
 HEAVY = 0.03  # times the plasma frequency: that of ions which electrons leave at rest, to 5e-4 of their own
 
@@ -223,16 +224,27 @@ class Compared:
 
 
 def compare_mode(t: np.ndarray, amplitude: np.ndarray, law: Prediction | None, noise: float = 0.0) -> Compared:
-    """Fit what the law says the mode does: growth, damping or a steady wave; growth without a law.
+    """Fit what the law says the mode does: growth, damping or a steady wave; growth without a law, and where the law's
+    steady wave is not there, as in a plasma that is not uniform.
 
     noise: that of random places, of the wave that the case starts, as `noise_over_wave` knows it before the run.
     """
+    steady = law is not None and abs(law.omega.imag) <= 1e-6 * abs(law.omega)
     try:
-        if law is None or law.omega.imag > 1e-6 * abs(law.omega):
+        if law is None or (not steady and law.omega.imag > 0.0):
             return _compare_growth(t, amplitude, law)
-        return _compare_damping(t, amplitude, law, noise) if law.omega.imag < 0 else _compare_wave(t, amplitude, law)
+        return _compare_wave(t, amplitude, law) if steady else _compare_damping(t, amplitude, law, noise)
     except series_analysis.NoFit as error:
+        if steady:
+            with contextlib.suppress(series_analysis.NoFit):
+                return _compare_growth(t, amplitude, None)
         return Compared(f"not fitted: {error}")
+
+
+def _require_samples(t: np.ndarray, law: Prediction) -> None:
+    """Raises NoFit where a wave of the law's frequency swings faster than the series is sampled."""
+    if (half := np.pi / law.omega_mesh.real) < np.median(np.diff(t)):
+        raise series_analysis.NoFit(f"output.period.series of {half:.2g} s or less shows the law's wave ({law.law})")
 
 
 def _compare_growth(t: np.ndarray, amplitude: np.ndarray, law: Prediction | None) -> Compared:
@@ -247,6 +259,7 @@ def _compare_growth(t: np.ndarray, amplitude: np.ndarray, law: Prediction | None
 
 
 def _compare_damping(t: np.ndarray, amplitude: np.ndarray, law: Prediction, known: float) -> Compared:
+    _require_samples(t, law)
     times, heights = series_analysis.peaks(t, amplitude)
     if times.size < 4:
         raise series_analysis.NoFit("fewer than four maxima")
@@ -293,10 +306,13 @@ def _damped_words(fit: series_analysis.Oscillation, errors: tuple[float, float],
 
 def _compare_wave(t: np.ndarray, amplitude: np.ndarray, law: Prediction) -> Compared:
     """The end of the run beside a wave of the scheme's frequency whose phase was fixed at the beginning."""
+    _require_samples(t, law)
     if amplitude.min() > 0.5 * amplitude.max():
         raise series_analysis.NoFit("it hardly swings, so no wave stands here")
     wave, omega = series_analysis.signed(amplitude), law.omega_mesh.real
     fit = series_analysis.fit_oscillation(t, wave, frequency=omega)
+    if fit.residual > MOST_LEFT * wave.std():
+        raise series_analysis.NoFit(f"the law's wave ({law.law}) does not stand out")
     begin = slice(0, max(8, t.size // 10))
     phases = np.stack((np.cos(omega * t), np.sin(omega * t)), axis=1)
     line = np.abs(phases @ np.linalg.lstsq(phases[begin], wave[begin], rcond=None)[0])

@@ -392,6 +392,22 @@ def test_the_error_of_a_damped_wave_is_that_of_the_noise_which_is_known_before_t
     assert np.mean(hits) >= 0.9
 
 
+def test_a_mode_that_does_not_follow_the_steady_wave_of_the_law_gets_its_growth_or_none():
+    """As the vortices of a plasma that is not uniform grow across a magnetic field: told was an upper hybrid wave, with
+    an error of 1e-25, that a sample in several periods cannot show.
+    """
+    law = predictions.predict(case("upper-hybrid"), (1,))
+    for step in (0.2, 7.0):  # of 4.4 s
+        t = np.arange(0.0, 900.0, step)
+        grown = 1e-4 * np.exp(0.013 * np.minimum(t, 600.0))
+        words = predictions.compare_mode(t, grown, law).words
+        assert float(re.search(r"growth (\S+) ", words)[1]) == pytest.approx(0.013, rel=1e-3)
+        swings = predictions.compare_mode(t, 1e-3 * np.abs(np.cos(law.omega_mesh.real * t)), law).words
+        assert ("frequency" in swings) == (step < 1.0) and (step < 1.0 or "output.period.series of 2.2 s" in swings)
+    noise = np.random.default_rng(1).random(len(t))
+    assert "does not stand out" in predictions.compare_mode(0.2 * np.arange(len(t)), noise, law).words
+
+
 def test_a_mode_that_does_not_swing_gets_no_frequency():
     law = predictions.predict(case("plasma-oscillation"), (1,))
     t = np.linspace(0.0, 40.0, 800)
