@@ -8,7 +8,7 @@ import numpy as np
 from lbmdem.diagnostics.scalars import Diagnostics
 from lbmdem.fluid.fluid import Fluid
 from lbmdem.grains.dem import Dem
-from lbmdem.physics.collision import BRAKES
+from lbmdem.physics.collision import BRAKES, HOLDS
 
 MAX_SPEED = 0.4  # nodes per step beyond which no collision is a fluid any more
 MAX_DENSITY = 2.0  # density of the lattice fluid, likewise; its inverse is the least one
@@ -60,7 +60,7 @@ def cure(fluid: Fluid, brakes: str) -> str:
 def fault(seen: Diagnostics, fluid: Fluid | None, dem: Dem | None, max_overlap: float) -> str | None:
     """Why this rank's state is no solution, or None; max_overlap: allowed overlap over diameter."""
     if fluid and seen.fluid:
-        way = cure(fluid, BRAKES if dem else "")
+        way = cure(fluid, BRAKES if dem else HOLDS if seen.grains_stay else "")
         if seen.fluid.fastest > MAX_SPEED:
             return f"the fluid moves by {seen.fluid.fastest:.3g} nodes in a step (limit {MAX_SPEED}): {way}"
         share = float(fluid.lattice.w[0])  # populations at rest follow the density
@@ -77,7 +77,8 @@ def fault(seen: Diagnostics, fluid: Fluid | None, dem: Dem | None, max_overlap: 
     if seen.overlap > max_overlap:
         return f"grains overlap by {seen.overlap:.1%} of a diameter (limit {max_overlap:.0%})"
     if seen.fluid and abs(seen.fluid.drift) > MAX_DRIFT:
-        return f"the mean density of the fluid has changed by {seen.fluid.drift:.2%} (limit {MAX_DRIFT:.0%})"
+        way = seen.way_to_keep_mass()
+        return f"the mean density of the fluid has changed by {seen.fluid.drift:.2%} (limit {MAX_DRIFT:.0%}){way}"
     if seen.fluid and not abs(seen.fluid.jump) <= MAX_JUMP:
         return f"the mean density of the fluid jumped by {seen.fluid.jump:.1e}, which nothing in it can do"
     return None

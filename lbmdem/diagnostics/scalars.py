@@ -104,11 +104,19 @@ class Diagnostics:
         values = fluid.scalars(step, self.slices)
         text = f"the fluid moves by {fluid.fastest:.2f} nodes in a step (limit 0.4)"
         self._warn_once("speed", fluid.fastest > WARN_SPEED, text, step)
-        keeps = self._scene.config.coupling.keeps_mass  # then what is lost is not what covered nodes held
-        cure = "" if keeps else ': coupling.refill = "mass-conserving" gives it back'
-        text = f"the mean density of the fluid has changed by {fluid.drift:.1e}{cure}"
+        text = f"the mean density of the fluid has changed by {fluid.drift:.1e}{self.way_to_keep_mass()}"
         self._warn_once("mass", abs(fluid.drift) > WARN_DRIFT, text, step)
         return values
+
+    def way_to_keep_mass(self) -> str:
+        """What gives back the mass that links of curved solids, also of those that stay, and covered nodes take."""
+        keeps = self._scene.config.coupling.keeps_mass  # then what is lost is something else
+        return "" if keeps or self._immersed is None else ': coupling.refill = "mass-conserving" gives it back'
+
+    @property
+    def grains_stay(self) -> bool:
+        """Whether there are grains, of which none moves."""
+        return self._grains is None and bool(self._scene.config.grains)
 
     def _of_gauges(self) -> dict[str, float]:
         """Gauges read the nodes of the fluid alone."""

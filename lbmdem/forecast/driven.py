@@ -1,4 +1,5 @@
-"""What a body force and shaking make of a fluid: how fast it gets, and when it is steady past grains that stay."""
+"""What body forces, shaking and pressure faces make of a fluid: how fast it gets, and when it is steady past grains
+that stay."""
 
 import math
 from collections.abc import Iterator
@@ -8,15 +9,20 @@ from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived, judged, rounded_down
 from lbmdem.case.config import AXES, LbmDemConfig, seeps, whole_spacing
 from lbmdem.forecast.free_fall import PEAK, speed_through, stays
-from lbmdem.forecast.relaxation import SPACING, slower
+from lbmdem.forecast.pressures import between
+from lbmdem.forecast.relaxation import SPACING, other_collision, slower
 from lbmdem.physics.velocity_sets import CS2
+
+# Grid Reynolds number, by the largest speed that is told, up to which a flow through a packing holds, and one that
+# diverges: 12 spheres of 8 and 16 nodes, porosity 0.4, TRT; BGK has half of it past a cylinder
+THROUGH_GRAINS = {"TRT": (24.0, 49.0), "BGK": (12.0, 24.0)}
 
 
 def driven(config: LbmDemConfig) -> Iterator[Derived]:
-    """Speed that the body force and shaking give the fluid along axes without walls: that of their whole push, or if
-    less that of the parabola between the nearest walls along it. Solids that stay hold the fluid back: then these, and
-    what grains that it must pass let through, are upper limits. Not told of a body force on grains that all move in a
-    box without walls along it.
+    """Speed that a body force, shaking and pressure faces give the fluid along axes without walls: that of their whole
+    push, or if less that of the parabola between the nearest walls along it. Solids that stay hold the fluid back: then
+    these, and what grains that it must pass let through, are upper limits. Not told of a body force on grains that all
+    move in a box without walls along it, nor of pressure faces beside grains that move, which may bear the pressure.
     """
     size, nu = config.domain.size, config.liquid.kinematic_viscosity
     stay = any(stays(config, group) for group in config.grains)
@@ -44,6 +50,14 @@ def driven(config: LbmDemConfig) -> Iterator[Derived]:
         source="Mansouri et al., section 3.2", key=by.key,
         cure=f"{by.cure}, or relaxation_time = {slower(config, 0.24 / mach)}",
     )  # fmt: skip
+    if stay and config.liquid.collision in THROUGH_GRAINS:
+        best, diverges = THROUGH_GRAINS[config.liquid.collision]
+        value = speed * config.spacing / config.liquid.kinematic_viscosity
+        yield judged(
+            "grid Reynolds number of the driven fluid, at most", "U dx/nu", value, ok=value <= best, legal=True,
+            limit=f"<= {best:g}", source=f"measured in a packing: {best:g} holds, {diverges:g} diverges",
+            cure=f"{by.cure}, or {other_collision(config)}", key=SPACING,
+        )  # fmt: skip
 
 
 class Push(NamedTuple):
@@ -57,17 +71,22 @@ class Push(NamedTuple):
 
 PUSHED = Push("the body force", "a t", ("fluid", "body_force"), "a weaker force")
 SHAKEN = Push("the shaking", "2 a/omega from rest", ("shaking", "acceleration"), "weaker shaking")
+PRESSED = Push("the pressure difference", "dp t/(rho L)", ("boundary",), "a smaller difference")
 
 
 def pushes(config: LbmDemConfig) -> Iterator[tuple[str, Push, float, float]]:
     """Axis, kind, acceleration (m/s2) and speed (m/s) of a fluid that nothing holds, of each push.
 
-    Shaking is a sine from rest: in the frame the fluid gets a/omega (1 - cos omega t), and grains that move get it too.
+    A body force and the difference of two pressure faces act together. Shaking is a sine from rest: in the frame the
+    fluid gets a/omega (1 - cos omega t), and grains that move get it too.
     """
     end = config.simulation.end_time
-    for along, a in zip(AXES, config.liquid.body_force):
-        if a:
-            yield along, PUSHED, abs(a), abs(a) * end
+    faces = [one for one, face in enumerate(config.boundary) if face.type == "pressure"]
+    for k, (along, own) in enumerate(zip(AXES, config.liquid.body_force)):
+        pressed = 0.0 if config.grains_move and not config.coupling.frozen else between(config, k)
+        if a := abs(own + pressed):
+            push = PRESSED._replace(key=("boundary", faces[-1])) if abs(pressed) > abs(own) else PUSHED
+            yield along, push, a, a * end
     if config.shaking:
         omega = 2.0 * math.pi * config.shaking.frequency
         share = 1.0 - math.cos(min(math.pi, omega * end))

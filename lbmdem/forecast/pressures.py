@@ -98,6 +98,14 @@ def at_face(config: LbmDemConfig, face: Boundary) -> float:
     return max(start, start + face.pressure_rate * config.simulation.end_time, key=abs)
 
 
+def between(config: LbmDemConfig, k: int) -> float:
+    """The largest acceleration (m/s2) along an axis that two pressure faces give the fluid; 0 without them."""
+    faces = [next((f for f in config.boundary if f.face == AXES[k] + side), None) for side in "-+"]
+    given = [at_face(config, face) for face in faces if face and face.type == "pressure"]
+    length = config.domain.size[k] - config.spacing  # the faces are the last nodes
+    return (given[0] - given[-1]) / config.liquid.density / length if len(given) == 2 and length > 0.0 else 0.0
+
+
 def drops(config: LbmDemConfig, k: int, faces: list[Boundary | None]) -> dict[str, float]:
     """How much higher the pressure at the low end of an axis is than at the high one, by cause, Pa."""
     size, rho, speed = config.domain.size, config.liquid.density, 0.0

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived, Verdict, judged, rounded_down
 from lbmdem.case.config import AXES, LbmDemConfig, whole_spacing
-from lbmdem.physics.collision import BRAKES, COLLISIONS
+from lbmdem.physics.collision import BRAKES, COLLISIONS, HOLDS
 
 TAU = ("fluid", "relaxation_time")
 SPACING = ("domain", "spacing")
@@ -20,7 +20,7 @@ LEAST_EXCESS = 1e-12  # of tau over 1/2: of less, rounding leaves fewer than fou
 
 def unlimited(config: LbmDemConfig) -> str:
     """What central moments have no limit of, and what they are not for."""
-    return CENTRAL + (BRAKES if config.grains_move else "")
+    return CENTRAL + (BRAKES if config.grains_move else HOLDS if config.grains else "")
 
 
 def other_collision(config: LbmDemConfig) -> str:

@@ -229,6 +229,7 @@ def _from_moments(lattice: Lattice, couples: list[tuple[str, str]]) -> list[str]
 
 
 BRAKES = ", but brakes grains in gaps of a node"  # what is told of central moments beside moving grains
+HOLDS = ", but holds back what flows through gaps of a few nodes"  # and beside grains that stay
 COLLISIONS = {
     scheme.name: scheme
     for scheme in (

@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 from app_runner import running
 
@@ -49,6 +50,57 @@ def test_shaking_that_makes_the_fluid_too_fast_is_refused():
     assert told(MACH, "shaking.acceleration=[0.5, 0.0]", "fluid.body_force=[50.0, 0.0]").key == ("fluid", "body_force")
     grain = "grains=({diameter=4.0e-4; density=2000.0; position=[5.0e-4, 5.0e-4];})"
     assert told(MACH, grain).value == fast.value  # it is shaken too
+
+
+LAYER, STEP = "layer of fluid that solids drag along", "shaking in a step"
+
+
+@pytest.mark.parametrize(
+    "name, value, sets",
+    [
+        (LAYER, 0.80, ("shaking.frequency=198.9", "shaking.acceleration=[60.0, 0.0]")),
+        (LAYER, 0.50, ("shaking.frequency=509.3", "shaking.acceleration=[60.0, 0.0]")),
+        (STEP, 0.141, ("fluid.relaxation_time=2.0", "shaking.frequency=12.0", "shaking.acceleration=[0.1, 0.0]")),
+    ],
+)
+def test_a_layer_too_thin_and_a_step_too_long_are_told_and_cured(name, value, sets):
+    found = told(name, *sets)
+    assert found.value == pytest.approx(value, rel=5e-3)
+    assert found.verdict == ("ok" if value == 0.80 else "warn")
+    if found.verdict == "warn":
+        setting, cured = (found.cure.split()[0], found.cure.split()[2])
+        key = setting if setting.startswith("domain") else f"fluid.{setting}"
+        assert told(name, *sets, f"{key}={cured}").verdict == "ok"
+
+
+def test_a_fluid_that_nothing_drags_along_has_no_layer():
+    assert told(LAYER, 'domain.periodic=["x", "y"]') is None
+    assert told(LAYER, "shaking.acceleration=[0.0, 60.0]") is None  # its walls push it
+    assert told(LAYER, "shaking.acceleration=[0.0, 60.0]", "grains=({diameter=4e-4; position=[5e-4, 5e-4];})")
+
+
+@pytest.mark.parametrize(
+    "tau, frequency, least, most",
+    [(0.6, 50.0, 0.0, 0.01), (0.6, 580.0, 0.06, 0.2), (2.0, 30.0, 0.06, 0.2)],
+)
+def test_velocities_are_off_where_it_is_told(world, tau, frequency, least, most):
+    """Between walls that shake, beside the exact flow, once the start has faded; of the largest velocity."""
+    sets = (f"fluid.relaxation_time={tau}", f"shaking.frequency={frequency}", "shaking.acceleration=[0.1, 0.0]")
+    fine = all(told(name, *sets).verdict == "ok" for name in (LAYER, STEP))
+    omega, nu, h, off, largest = 2.0 * math.pi * frequency, 1.0e-6, 5.0e-4, 0.0, 0.0
+    k = np.sqrt(1j * omega / nu)
+    y = (np.arange(20) + 0.5) * 5.0e-5 - h
+    shape = 0.1 / omega * (1.0 - np.cosh(k * y) / np.cosh(k * h))
+    with running(world, "lbmdem", SHAKEN, sets=(*sets, "domain.size=[1.0e-4, 1.0e-3]")) as app:
+        end = 4.0 * h * h / nu
+        while app.time < end + 1.0 / frequency:
+            app.step()
+            if app.time > end:
+                found = app.fields()["velocity"].values
+                exact = np.real(shape * np.exp(1j * omega * app.time))
+                off, largest = max(off, np.abs(found[:, 0, 0] - exact).max()), max(largest, np.abs(exact).max())
+    assert least <= off / largest <= most
+    assert fine == (most <= 0.05)
 
 
 def test_a_shaken_fluid_gets_as_fast_as_is_told(world):

@@ -1,0 +1,88 @@
+"""What `check` says of a fluid that pressure faces drive, and of one that is driven through a packing."""
+
+import math
+
+import pytest
+from app_runner import running
+
+from hpcpic.core.case.config import loads
+from lbmdem.configure import configure
+from lbmdem.forecast.derived import derived
+
+SLOT = """
+simulation = { end_time = 30.0; };
+domain = { size = [0.02, 0.01]; spacing = 5.0e-4; };
+fluid = { density = 1000.0; kinematic_viscosity = 1.0e-6; relaxation_time = 0.6; };
+boundary = ({ face = "x-"; type = "pressure"; pressure = 0.002; }, { face = "x+"; type = "pressure"; pressure = 0.0; });
+"""
+SPEED, MACH = "speed that the pressure difference makes", "Mach number of the driven fluid"
+GRID = "grid Reynolds number of the driven fluid, at most"
+GRADIENT = 0.002 / 1000.0 / 0.0195  # m/s2; the faces are the last nodes
+PARABOLA = GRADIENT * 0.01**2 / 8.0e-6
+
+
+def told(name, *sets, case=SLOT):
+    return next((one for one in derived(configure(loads(case, sets=sets))) if one.name == name), None)
+
+
+@pytest.mark.parametrize(
+    ("sets", "speed"),
+    [
+        ((), PARABOLA),
+        (("simulation.end_time=1.0",), GRADIENT),
+        (("boundary[0].pressure=-0.002",), PARABOLA),
+        (("boundary[0].pressure=0.0", "boundary[0].pressure_rate=2e-4"), 3.0 * PARABOLA),
+        ((f"fluid.body_force=[{GRADIENT}, 0.0]",), 2.0 * PARABOLA),
+        (("boundary[1].pressure=0.002",), None),  # none against none
+    ],
+)
+def test_the_speed_that_pressure_faces_make_is_told(sets, speed):
+    found = told(SPEED, *sets) or told("speed that the body force makes", *sets)
+    assert (found and found.value) == (speed and pytest.approx(speed, rel=1e-9))
+
+
+def test_a_force_that_faces_hold_makes_no_speed():
+    held = told(SPEED, f"fluid.body_force=[{-GRADIENT!r}, 0.0]")
+    assert held is None or held.value < 1e-12 * PARABOLA
+
+
+def test_a_difference_that_makes_the_fluid_too_fast_is_refused_and_cured():
+    """A slot of 50 by 100 nodes with 0.12 Pa ended at a Mach number of 0.55, and check had not said a word."""
+    fast = told(MACH, "boundary[0].pressure=0.03")
+    assert (fast.verdict, fast.forceable, fast.key) == ("fail", True, ("boundary", 1))
+    tau = fast.cure.split("relaxation_time = ")[1]
+    assert told(MACH, "boundary[0].pressure=0.03", f"fluid.relaxation_time={tau}").verdict == "ok"
+
+
+def test_grains_that_move_may_bear_the_pressure():
+    grain = 'grains=({name="g"; diameter=2.5e-3; density=2000.0; position=[5.0e-3, 5.0e-3];})'
+    assert told(SPEED, grain) is None
+    assert told("largest speed that the pressure difference can make", grain.replace("density=2000.0", "moving=false"))
+
+
+def test_a_slot_gets_as_fast_as_is_told(world):
+    """Within what compressibility does at this pressure, and half a node beside the middle."""
+    with running(world, "lbmdem", SLOT, sets=("simulation.end_time=60.0", "domain.spacing=1.0e-3")) as app:
+        while app.time < 60.0:
+            app.step()
+        fastest = app.scalars()["max_mach"] * app.scene.units.velocity / math.sqrt(3.0)
+    assert fastest == pytest.approx(told(SPEED, "simulation.end_time=60.0", "domain.spacing=1.0e-3").value, rel=0.03)
+
+
+PACKED = """
+simulation = { dimensions = 3; end_time = 0.1; };
+domain = { size = [2.2e-3, 2.2e-3, 2.2e-3]; spacing = 1.0e-4; periodic = ["x", "y", "z"]; };
+fluid = { density = 1000.0; kinematic_viscosity = 1.0e-6; relaxation_time = 0.51; body_force = [0.0, 0.0, 8.0]; };
+grains = ({ moving = false; diameters = { min = 1e-3; max = 1e-3; count = 12; }; packing = { porosity = 0.42; }; });
+"""
+
+
+@pytest.mark.parametrize("collision, verdict", [("TRT", "ok"), ("BGK", "warn")])
+def test_a_flow_through_a_packing_has_a_grid_reynolds_number(collision, verdict):
+    """Of TRT up to 24 held, 49 diverged, and check had not said a word; BGK bears half."""
+    held = told(GRID, f'fluid.collision="{collision}"', case=PACKED)
+    speed = told("largest speed that the body force can make", case=PACKED).value
+    assert held.value == pytest.approx(speed * 1.0e-4 / 1.0e-6) and held.verdict == verdict
+    fast = told(GRID, "fluid.body_force=[0.0, 0.0, 40.0]", case=PACKED)
+    assert fast.verdict == "warn" and "gaps of a few nodes" in fast.cure
+    assert told(GRID, 'fluid.collision="central"', case=PACKED) is None  # it has no such limit, and lets less through
