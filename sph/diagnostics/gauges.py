@@ -33,9 +33,14 @@ class Gauges:
         self._told: tuple[float, dict[str, float]] = (math.nan, {})  # the last time and readings
         self._beds: dict[str, float] = {}  # by gauge
 
-    def values(self, time: float) -> dict[str, float]:
+    @property
+    def remember(self) -> bool:
+        """Whether a reading depends on the one before: then that is a part of the state."""
+        return any(gauge.kind is WALL_PRESSURE or gauge.period for gauge in self.scene.config.gauge)
+
+    def values(self, time: float, glance: bool = False) -> dict[str, float]:
         """Readings of the gauges whose period is over: one number each, or one per axis; of one time the same, however
-        often they are asked for. Means begin anew with each. Collective.
+        often they are asked for. Means begin anew with each, but for a glance, which leaves the state. Collective.
         """
         if time == self._told[0]:
             return self._told[1]
@@ -45,7 +50,9 @@ class Gauges:
         if points:
             found |= self.at_points(points)
         found |= {gauge.name: self.read(gauge) for gauge in asked if not gauge.kind.at_point}
-        self.since, self._told = time, (time, found)
+        if not glance:
+            self.sensors.begin_anew([gauge for gauge in asked if gauge.kind is WALL_PRESSURE])
+            self.since, self._told = time, (time, found)
         return found
 
     def read(self, gauge: Gauge) -> float:

@@ -6,6 +6,8 @@ Each rank adds the forces as integers (2^-40 of rho0 c0^2 times the area), so th
 ranks.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -79,6 +81,10 @@ class Sensors:
     def read(self, gauge: Gauge) -> float:
         """Mean pressure since the last reading, Pa; now where there was no step since then. Collective."""
         k = self.gauges.index(gauge)
-        value = self.integrals[k] / self.lasted[k] if self.lasted[k] else self.now()[k]
-        self.integrals[k] = self.lasted[k] = 0.0
-        return float(value)
+        return float(self.integrals[k] / self.lasted[k] if self.lasted[k] else self.now()[k])
+
+    def begin_anew(self, gauges: Sequence[Gauge]) -> None:
+        """These have been read."""
+        for gauge in gauges:
+            k = self.gauges.index(gauge)
+            self.integrals[k] = self.lasted[k] = 0.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from hpcpic.core.case.config import Tree
     from hpcpic.core.files.rundir import RunDir
+    from hpcpic.core.run.model import Model, Remembering
 
 Look = TypeVar("Look", bound="Callable[[Simulation], object]")
 
@@ -73,6 +74,7 @@ class Simulation:
         self._guard = Guard(self.world, self.model.guard, self.model.iteration)
         self._observers: list[Observer] = []
         self._open = True
+        self._series = _series_of(self.model, begun=checkpoints is not None)
 
     def __setattr__(self, name: str, value: Any) -> None:
         if self._open and not name.startswith("_"):
@@ -203,14 +205,22 @@ class Simulation:
             return model.n_steps, math.inf
         return math.ceil(until / model.time_step * (1 - 1e-12)), math.inf
 
+    @property
+    def _ends_here(self) -> bool:
+        """Whether this is the step at which a run of the case ends."""
+        last, end = self._goal(None, None)
+        return self.iteration == last or self.time - self.time_step < end <= self.time
+
     def _go(self, last: float) -> None:
         """One step, or as many as the model takes at once without an observer in between."""
-        unseen = [observer.trigger.ahead(self.iteration) for observer in self._observers]
+        unseen = [observer.trigger.ahead(self.iteration) for observer in (*self._series, *self._observers)]
         most = min([last - self.iteration, self._guard.ahead(self.iteration), *unseen])
         with whole_steps():
             self.model.advance(1 if self.model.n_steps is None else int(most))
 
     def _look(self) -> None:
+        for series in self._series:
+            series.look(self.iteration, self.time, at_end=self._ends_here)
         self._looking = True
         try:
             for observer in self._observers:
@@ -224,11 +234,12 @@ class Simulation:
             raise Diverged(f"step {self.iteration}, t = {self.time:.6g} s, rank {verdict.rank}: {verdict.diverged}")
 
     def scalars(self) -> dict[str, float]:
-        """The scalars of the series, in the units of `scalar_units`. Each call, as each line of a series, begins anew
-        the means over time of `wall-pressure` gauges, which are a part of the state.
+        """The scalars of the series, in the units of `scalar_units`. Means over time of `wall-pressure` gauges are
+        those since the last sample that a run of the case would have taken; a call begins none anew.
         """
         self._meet("scalars()")
-        return {name: float(value) for name, value in self.model.scalars().items()}
+        found = cast("Remembering", self.model).scalars(glance=True) if self._series else self.model.scalars()
+        return {name: float(value) for name, value in found.items()}
 
     @property
     def scalar_units(self) -> Mapping[str, str]:
@@ -293,6 +304,22 @@ class Simulation:
             return rows if whole is None else whole
         content = world.bcast(None if whole is None else whole.tobytes())
         return np.frombuffer(bytearray(content), rows.dtype).reshape(-1, *rows.shape[1:])
+
+
+def _series_of(model: Model, begun: bool) -> list[Observer]:
+    """What reads gauges that remember it when a run would, for its series, so that the state goes on as that of a run;
+    nothing where there are none.
+    """
+    from hpcpic.core.run.outputs import trigger_of
+
+    trigger = trigger_of(model, "series", begun)
+    if trigger is None or not getattr(model, "gauges_remember", False):
+        return []
+
+    def read() -> None:
+        model.scalars()
+
+    return [Observer("series", trigger, read, seen=model.iteration if begun else None)]
 
 
 def _kept(values: NDArray) -> NDArray:

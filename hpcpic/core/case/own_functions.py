@@ -97,7 +97,8 @@ def arithmetic_fault(function: Any) -> str:
         return f"a function made by `def` is wanted (got {function!r})"
     builtin = vars(__import__("builtins"))
     for step in dis.get_instructions(function):
-        if step.opname == "LOAD_GLOBAL" and step.argval not in builtin:
+        outside = step.opname == "LOAD_GLOBAL" and step.argval not in builtin
+        if outside or step.opname == "LOAD_DEREF":
             return f"{place_of(function)}: is to be arithmetic of its arguments alone (it uses {step.argval!r})"
     return ""
 

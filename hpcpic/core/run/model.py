@@ -69,4 +69,12 @@ class Counting(Model, Protocol):
     def histograms(self) -> Mapping[str, Counts]: ...  # by name, over all ranks
 
 
+class Remembering(Model, Protocol):
+    """A model whose gauges may remember when `scalars` has read them, as a part of the state; a glance does not."""
+
+    @property
+    def gauges_remember(self) -> bool: ...
+    def scalars(self, glance: bool = False) -> Mapping[str, float]: ...
+
+
 Make = Callable[[Any, World, Pool, Timers], Model]  # (config, world, pool, timers)

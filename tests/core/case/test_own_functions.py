@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hpcpic.core.case import accelerations
-from hpcpic.core.case.own_functions import formula_fault
+from hpcpic.core.case.own_functions import arithmetic_fault, formula_fault
 from hpcpic.core.simd.formulas import fma, maximum, select
 
 STIFFNESS = {"along x": 4.0}
@@ -197,3 +197,17 @@ def test_what_numbers_can_and_vectors_cannot_is_told_of_vectors_alone():
 def test_a_formula_of_several_values_returns_as_many():
     assert formula_fault(pair, ("r", "per_h"), (), 2) == ""
     assert "must return 3 values" in formula_fault(pair, ("r", "per_h"), (), 3)
+
+
+def scaled(k):
+    def square(vx, vy, vz, v_sq):
+        return k * v_sq
+
+    return square
+
+
+def test_a_function_whose_text_is_taken_over_reads_nothing_beside_its_arguments():
+    """Of one that another function makes numba told in pages that there is no such name."""
+    assert arithmetic_fault(one) == arithmetic_fault(bare) == ""
+    assert "arithmetic of its arguments alone (it uses 'k')" in arithmetic_fault(scaled(3.0))
+    assert "(it uses 'stiffness')" in arithmetic_fault(undefined)
