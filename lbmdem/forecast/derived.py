@@ -11,7 +11,7 @@ from hpcpic.core.case.derived import Derived, judged, rounded_down
 from hpcpic.core.files.start import arrays
 from lbmdem.case.config import AXES, Diameters, GrainSet, LbmDemConfig, whole_spacing
 from lbmdem.forecast.contacts import contacts, overlap_at_start
-from lbmdem.forecast.driven import between_faces, driven, steady
+from lbmdem.forecast.driven import between_faces, carried, driven, steady
 from lbmdem.forecast.free_fall import falling, landing, released, screen, unheld
 from lbmdem.forecast.node_shares import LOOSE
 from lbmdem.forecast.plan import grain_count
@@ -34,7 +34,7 @@ def derived(config: LbmDemConfig, ranks: int = 1) -> list[Derived]:
     """Every derived number of a completed case that runs on so many ranks."""
     parts = (
         relaxation, lattice_units, speeds, driven, steady, pressures, between_faces, inflow, ringing, sloshing, layers,
-        obstacles, throats, pores,
+        obstacles, throats, pores, carried,
     )  # fmt: skip
     fluid = [number for part in parts for number in part(config)] if config.fluid else []
     solids = [*grains(config), *unheld(config), *contacts(config), *slices(config)]
@@ -217,14 +217,16 @@ def nodes_between(a: float, b: float, n: int, dx: float) -> int:
 
 
 def fits(config: LbmDemConfig) -> Iterator[Derived]:
-    """The largest grain against the box; across a periodic side one that moves must not meet two images of another."""
+    """The largest grain against the box; across a periodic side one that moves, or grows in a packing, must not meet
+    two images of another."""
     for group in config.grains:
-        size, several = group.largest_diameter, group.moving and grain_count(config) > 1
+        size, moves = group.largest_diameter, group.moving or group.packing is not None
+        several = moves and grain_count(config) > 1
         needs = {axis: 2.0 if several and axis in config.domain.periodic else 1.0 for axis in AXES[: config.dimensions]}
         share, least = max((size * n / length, size * n) for length, n in zip(config.domain.size, needs.values()))
         yield judged(
             "grain in the box", "D/L", share, ok=share <= 1.0, limit="<= 1", key=("domain", "size"),
-            source="two diameters of grains that move along a periodic side, one elsewhere",
+            source="two diameters of grains that move or are packed along a periodic side, one elsewhere",
             cure=f"a side of the box of at least {least:.6g} m has room for {group.name}",
         )  # fmt: skip
 

@@ -5,11 +5,13 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
+import numpy as np
+
 from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived, judged, rounded_down
 from lbmdem.case.config import AXES, LbmDemConfig, seeps, whole_spacing
-from lbmdem.forecast.free_fall import PEAK, speed_through, stays
-from lbmdem.forecast.pressures import between
+from lbmdem.forecast.free_fall import PEAK, speed_through, stays, terminal_speed
+from lbmdem.forecast.pressures import between, lies
 from lbmdem.forecast.relaxation import SPACING, other_collision, slower
 from lbmdem.physics.velocity_sets import CS2
 
@@ -126,3 +128,40 @@ def steady(config: LbmDemConfig) -> Iterator[Derived]:
         source="drag of grains, Ergun 1952; about 5 % are left", key=("simulation", "end_time"),
         cure=f"the permeability is still rising: end_time = {3.0 * time:.3g}",
     )  # fmt: skip
+
+
+def carried(config: LbmDemConfig) -> Iterator[Derived]:
+    """How far a stream and gravity take grains at given positions towards a face that lets fluid through, over the way
+    to it: they meet it as a wall. Not told of beds, which hold each other."""
+    for face in config.boundary:
+        if face.type == "wall":
+            continue
+        k, side = AXES.index(face.face[0]), 1.0 if face.face[1] == "+" else -1.0
+        pull = math.hypot(*config.gravity)
+        for i, group in enumerate(config.grains):
+            if stays(config, group) or not len(group.centres) or lies(config, group):
+                continue
+            sinks = math.copysign(1.0, group.density - config.liquid.density)
+            fall = sinks * terminal_speed(config, i) * config.gravity[k] / pull if pull else 0.0
+            along = np.asarray(group.centres)[:, k]
+            room = float((config.domain.size[k] - along if side > 0.0 else along).min()) - 0.5 * group.smallest_diameter
+            far = side * (stream(config, k) + fall) * config.simulation.end_time / max(room, 1e-300)
+            if far > 0.0:
+                yield judged(
+                    f"way of {group.name} towards {face.face}", "u t/d", far, ok=far <= 1.0, legal=True, limit="<= 1",
+                    source="the fastest of the stream; a lone grain", key=("grains", i),
+                    cure=f"grains meet {face.face} as a wall, stop there and block it: a shorter end_time, or a box "
+                    f"that repeats along {AXES[k]}, where fluid.body_force drives it",
+                )  # fmt: skip
+
+
+def stream(config: LbmDemConfig, k: int) -> float:
+    """The velocity (m/s) along an axis, where it is fastest, that faces give the fluid."""
+    given = [face for face in config.boundary if face.type == "velocity" and AXES.index(face.face[0]) == k]
+    across = config.walled(k)
+    if given:
+        peaks = (face.velocity[k] * (1.5 ** len(across) if face.profile == "parabolic" else 1.0) for face in given)
+        return max(peaks, key=abs)
+    a, nu = between(config, k) + config.liquid.body_force[k], config.liquid.kinematic_viscosity
+    parabolas = (abs(a) * config.domain.size[j] ** 2 / (8.0 * nu) for j in across)
+    return math.copysign(min([abs(a) * config.simulation.end_time, *parabolas]), a)

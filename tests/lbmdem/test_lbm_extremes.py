@@ -95,8 +95,9 @@ def stiff(value):
     return DISC, (f"contact.normal_stiffness={value!r}",)
 
 
-def dense(start, rate=0.0):
-    return PIPE, (f"boundary[0].density={start!r}", f"boundary[0].pressure_rate={rate!r}")
+def dense(start, rate=0.0, end=1.0):
+    density, falls = f"boundary[0].density={start!r}", f"boundary[0].pressure_rate={rate!r}"
+    return PIPE, (density, falls, f"simulation.end_time={end!r}")
 
 
 def filled(shape):
@@ -167,7 +168,7 @@ TABLE = {
     ],
     "pressure": [
         ("rho = 0.99", "A", dense(990.0)),
-        ("rho = 0.89", "B", dense(890.0)),
+        ("rho = 0.89", "B", dense(890.0, end=0.1)),
         ("rho = 0.45", "CD", dense(450.0)),
         ("falls to nothing", "CC", dense(1000.0, -1e3)),
     ],

@@ -86,3 +86,57 @@ def test_a_flow_through_a_packing_has_a_grid_reynolds_number(collision, verdict)
     fast = told(GRID, "fluid.body_force=[0.0, 0.0, 40.0]", case=PACKED)
     assert fast.verdict == "warn" and "gaps of a few nodes" in fast.cure
     assert told(GRID, 'fluid.collision="central"', case=PACKED) is None  # it has no such limit, and lets less through
+
+
+CARRIED = """
+simulation = { end_time = 0.6; };
+domain = { size = [0.01, 0.006]; spacing = 2.0e-4; };
+fluid = { density = 1000.0; kinematic_viscosity = 1.0e-6; relaxation_time = 0.65; };
+boundary = ({ face = "x-"; type = "velocity"; velocity = [0.01, 0.0]; },
+            { face = "x+"; type = "pressure"; pressure = 0.0; });
+grains = ({ name = "discs"; diameter = 1e-3; density = 1000.0; position = ([0.004, 0.003], [0.006, 0.0045]); });
+contact = { normal_stiffness = 10.0; };
+"""
+OUT = "way of discs towards x+"
+
+
+@pytest.mark.parametrize(
+    ("sets", "share"),
+    [
+        ((), 0.006 / 0.0035),
+        (("simulation.end_time=0.2",), 0.002 / 0.0035),
+        (('boundary[0].profile="parabolic"',), 0.009 / 0.0035),
+        (("gravity=[-9.81, 0.0]",), 0.006 / 0.0035),  # of grains as heavy as the fluid
+        (("boundary[0].velocity=[-0.01, 0.0]",), None),
+        (("grains[0].moving=false",), None),
+        (("coupling.frozen=true",), None),
+    ],
+)
+def test_grains_that_a_stream_carries_to_an_open_face_are_told(sets, share):
+    found = told(OUT, *sets, case=CARRIED)
+    assert (found and found.value) == (share and pytest.approx(share))
+    if share:
+        assert found.verdict == ("warn" if share > 1.0 else "ok")
+
+
+def test_grains_that_rise_to_an_open_top_are_told():
+    """Lighter ones rise, heavier ones sink to a wall."""
+    top = 'boundary=({face="y+"; type="pressure"; pressure=0.0;})', "gravity=[0.0, -9.81]", "simulation.end_time=5.0"
+    name = "way of discs towards y+"
+    speed = told("speed of discs, alone", *top, "grains[0].density=990.0", case=CARRIED).value
+    assert told(name, *top, "grains[0].density=990.0", case=CARRIED).value == pytest.approx(speed * 5.0 / 0.001)
+    assert told(name, *top, "grains[0].density=1010.0", case=CARRIED) is None
+
+
+def test_a_grain_stops_at_an_open_face_as_it_is_told(world):
+    with running(world, "lbmdem", CARRIED) as app:
+        while app.time < 0.6:
+            app.step()
+        x = app.dem.grains.x[:, 0]
+    assert x.max() == pytest.approx(0.0095, abs=1e-4)  # its own radius before it
+
+
+def test_a_packing_of_two_grains_across_a_periodic_side_is_refused_before_it_grows():
+    sets = "domain.size=[1.9e-3, 1.9e-3, 4.0e-3]", "grains[0].diameters.count=9"
+    found = told("grain in the box", *sets, case=PACKED)
+    assert found.verdict == "fail" and found.value == pytest.approx(2.0 / 1.9)
