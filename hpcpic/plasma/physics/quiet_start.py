@@ -29,7 +29,7 @@ def radical_inverse(index: NDArray, base: int, total: int) -> NDArray[np.float64
 @cache
 def strata(n: int, components: int) -> NDArray[np.float64]:
     """Normal deviates[n, components]: quantiles at the middle of n equal strata, further components in digit-reversed
-    order. Each component has the mean 0 and the variance 1 to rounding.
+    order, which are even along the first alone. Each component has the mean 0 and the variance 1 to rounding.
     """
     index = np.arange(n)
     fractions = [(index + 0.5) / max(n, 1), *(radical_inverse(index, base, n) for base in BASES[: components - 1])]
@@ -38,6 +38,25 @@ def strata(n: int, components: int) -> NDArray[np.float64]:
         v -= v.mean(axis=0)
         v /= np.sqrt((v * v).mean(axis=0))
     return v
+
+
+def from_x_to(k: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
+    """v[n, 1 to 3] mirrored so that what was along x is along k[d]; as they are where k is along x, or zeros.
+
+    Their correlations, of digit-reversed orders, are taken out before: else the axes would differ in temperature.
+    """
+    if not k[1:].any() or len(v) <= v.shape[1]:
+        return v
+    v = v.copy()
+    for i in range(1, v.shape[1]):
+        for j in range(i):
+            v[:, i] -= (v[:, i] * v[:, j]).mean() / (v[:, j] * v[:, j]).mean() * v[:, j]
+        v[:, i] /= np.sqrt((v[:, i] * v[:, i]).mean())
+    across = np.zeros(v.shape[1])
+    across[: len(k)] = -k / np.sqrt(np.sum(k * k))
+    across[0] += 1.0  # from k to x
+    along = sum(v[:, i] * across[i] for i in range(len(across)))
+    return v - along[:, None] * (2 * across / np.sum(across * across))
 
 
 def recurrence_time(n: int, wave_number: float, thermal: float, velocity: float) -> float:

@@ -25,7 +25,7 @@ from hpcpic.core.simd.own import enter
 from hpcpic.core.space.domain import wrap
 from hpcpic.core.space.rng import normal_quantile, normals, uniforms
 from hpcpic.plasma.case.config import BEFORE, PlasmaConfig, Species, given_velocity, velocity_columns
-from hpcpic.plasma.physics.quiet_start import BASES, even_places, radical_inverse, strata
+from hpcpic.plasma.physics.quiet_start import BASES, even_places, from_x_to, radical_inverse, strata
 from hpcpic.plasma.setup.thermal_spread import thermal_spread
 
 POSITION, VELOCITY = 1, 2  # streams of random numbers
@@ -37,7 +37,8 @@ class Batch:
     """Particles of one species that are to be loaded, and what a loader may want to know of the run.
 
     section: the species as the case says it, complete. n: all its particles. index[m]: number within the species;
-    ids[m]: within the run. lengths[d] m, points[d] of the grid; components of the velocity; seed of random numbers.
+    ids[m]: within the run. lengths[d] m, points[d] of the grid; components of the velocity; seed of random numbers;
+    k[d] of the wave that the species starts, or else the first species that starts one, rad/m; zeros without one.
     """
 
     section: Species
@@ -48,6 +49,7 @@ class Batch:
     points: tuple[int, ...]
     components: int
     seed: int
+    k: NDArray[np.float64]
 
     @property
     def drift(self) -> NDArray[np.float64]:
@@ -159,7 +161,8 @@ class Strata(Quiet):
     """A Maxwellian of cold beams: a velocity for each of equal strata, of each as many particles, evenly over the box.
 
     A beam that is even stays so, whatever its velocity, so only waves that the case starts are there. They hold until
-    the beams are in phase again (physics.quiet_start.recurrence_time). Source: Birdsall & Langdon, chapter 16.
+    the beams are in phase again (physics.quiet_start.recurrence_time), which are even in velocity along the wave that
+    the case starts. Source: Birdsall & Langdon, chapter 16.
     """
 
     name = "strata"
@@ -178,7 +181,7 @@ class Strata(Quiet):
 
     def deviates(self, batch: Batch) -> NDArray[np.float64]:
         places = self.batch_size(batch.section, batch.points)
-        return strata(batch.n // places, batch.components)[batch.index // places]
+        return from_x_to(batch.k, strata(batch.n // places, batch.components))[batch.index // places]
 
 
 class OppositeBeams(Loader):

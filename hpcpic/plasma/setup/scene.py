@@ -215,9 +215,12 @@ class SceneSpecies:
         """The particles ids[n], as loaders take them."""
         scene, lengths = self.scene, np.array(self.scene.lengths)
         seed = scene.config.simulation.random_seed
+        started = (s.perturbation for s in (self.section, *scene.config.species) if s.perturbation)
+        wave = next((np.array(one.mode) for one in started), np.zeros(len(lengths)))
         return loaders.Batch(
-            self.section, self.n, ids - self.first, ids, lengths, scene.points, scene.velocity_components, seed
-        )
+            self.section, self.n, ids - self.first, ids, lengths, scene.points, scene.velocity_components, seed,
+            2 * np.pi * wave / lengths,
+        )  # fmt: skip
 
     def wave(self, x: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """k[d] in rad/m of the perturbation and sin(k.x)[n]."""

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+import hpcpic
 from hpcpic.core.case.config import loads
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import ConfigError
@@ -84,6 +85,47 @@ def test_every_velocity_is_evenly_in_the_box(axes, places):
         assert max(waves) < (1e-12 if places != 77 else 0.2)  # 77 makes no lattice of the shape of the grid
         shifts.add(round(float(x[own].min()), 9))
     assert len(shifts) == 20  # the beams do not stand upon each other
+
+
+OBLIQUE = [([4.0, 3.0], [1, -1]), ([4.0, 3.0], [0, 2]), ([4.0, 3.0, 5.0], [2, 1, -1])]
+
+
+@pytest.mark.parametrize("lengths, mode", OBLIQUE)
+def test_beams_are_even_in_velocity_along_the_wave_of_their_own_species_or_of_another(lengths, mode):
+    """Along it they are the strata of one axis: before, those of a wave of (1, -1) were as digits fall."""
+    two = species(n=64 * 512, places=64), species("i", mass=100.0, wp=0.1, n=64 * 512, places=64)
+    text = CASE.format(cycles=1, dt=0.1, length=8.0, points=16, species=",".join(two))
+    still = two[1].partition("perturbation")[0] + "}"
+    for case in (text, text.replace(two[1], still)):
+        sets = [f"simulation.space_length={lengths}", f"grid.points={[16] * len(lengths)}"]
+        sets += [f"species[{i}].perturbation.mode={mode}" for i in range(case.count("perturbation"))]
+        for loaded in Scene(configure(loads(case, sets=sets))).species:
+            v, k = loaded.velocities(np.array(loaded.ids)[::64]), np.array(mode) / lengths
+            np.testing.assert_allclose(np.sort(v @ k) / np.linalg.norm(k), strata(512, 1)[:, 0], atol=1e-12)
+            np.testing.assert_allclose(v.T @ v / len(v), np.eye(len(k)), atol=1e-12)  # one temperature
+
+
+def test_a_wave_that_runs_along_no_axis_is_damped_as_one_along_x():
+    """8192 beams: the root of the mesh within 3 %, as fits of one wave differ. Beams even along x alone: 5 % off."""
+    lengths = [2 * math.pi / 0.3, 2 * math.pi / 0.4]
+    case = hpcpic.Case(
+        simulation={"cycles": 140, "time_step": 0.1, "space_length": lengths},
+        grid={"points": [16, 16]},
+        species=[{"name": "e", "particles": 8192 * 64, "charge": -1.0, "mass": 1.0, "plasma_frequency": 1.0,
+                  "thermal_velocity": 1.0, "init_method": "strata", "places": 64,
+                  "perturbation": {"mode": [1, -1], "amplitude": 0.01}}],
+        output={"modes": [[1, -1]]},
+    )  # fmt: skip
+    wave = []
+    with case.simulation(threads=1) as sim:
+        for _ in range(140):
+            sim.step()
+            wave.append(sim.scalars()["mode_1_-1_im"])
+    mesh = theory.Mesh((lengths[0] / 16, lengths[1] / 16), 0.1, "CIC", False)
+    root = theory.mesh_root(theory.landau(0.5), np.array([0.3, -0.4]), (theory.Beam(1.0, 0.0, 1.0),), mesh)
+    fit = fit_oscillation(0.1 * np.arange(31, 141), np.array(wave[30:]), frequency=root.real, rate=root.imag)
+    assert fit.frequency == pytest.approx(root.real, rel=0.01)
+    assert fit.rate == pytest.approx(root.imag, rel=0.03)
 
 
 def test_numbers_that_make_no_beams_are_refused_with_those_next_to_them():
