@@ -276,7 +276,7 @@ def filling(config: SphConfig, scene: Scene) -> Iterator[Derived]:
             yield Derived(title, "particles", gone, "", words, verdict, "filling", cure, key, fluid.n > 0)
         if fluid.oblique:
             source = f"volume beside {', '.join(wall.name for wall in fluid.oblique)}; packed evenly before the run"
-            title = f"mass of {section.name} beside oblique walls"
+            title = f"mass of {section.name} beside walls that cut its lattice"
             yield Derived(title, "m/m_cells - 1", fluid.filled - 1, "", "", "ok", source)
         if fluid.given is not None:
             continue

@@ -1,5 +1,6 @@
-"""Fluid at rest whose lattice a round or inclined wall cuts: it has the mass of the space that it fills, and its
-particles are packed evenly before the run (Colagrossi, Bouscasse, Antuono and Marrone 2012).
+"""Fluid at rest whose lattice a wall cuts, as round or inclined ones do, and boxes whose faces lie between its planes:
+it has the mass of the space that it fills, and its particles are packed evenly before the run (Colagrossi, Bouscasse,
+Antuono and Marrone 2012).
 
 A lattice that is cut lies crowded in some places before the wall and leaves gaps in others. Densities have a history:
 where particles even out later, pressures lose what the crowd had in excess. So they even out first, at no pressure.
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hpcpic.core.space.shapes import lengths, unit
+from hpcpic.core.space.shapes import lengths
 from sph.case.config import Shape
 from sph.physics.smoothing import SMOOTHING
 from sph.setup import obstacles, periodic_walls
@@ -28,40 +29,41 @@ LEAST = 0.1  # spacings off a wall, whose particles leave gaps
 CLEAR = 0.9  # spacings off particles of a solid: nearer it pushes more, as in the run
 TOUCHING = 0.6  # spacings off a wall: nearer, its normal tells whether it is oblique
 LEVEL = 1e-6  # 1 - |cosine| between a normal and an axis, for rounding
+ALIGNED = 0.01  # spacings by which a face may lie off the middle between two planes of the lattice
 PARTS = 2  # along each axis, of a cell that a wall cuts
 FAR = 2.0  # spacings off a side: farther it is not measured
 STEP = 1e-3  # of a spacing: over which normals are differences
 
 
 def oblique(scene: Any, fluid: Any) -> list[Any]:
-    """The walls and bodies beside which a fluid is packed: those with layers of particles, at rest or not, that are no
-    boxes and cut its lattice where it lies at rest under gravity.
+    """The walls and bodies beside which a fluid is packed: those with layers of particles, at rest or not, that cut its
+    lattice where it lies at rest under gravity; tanks that are boxes do not.
     """
     section = fluid.section
     if fluid.given is not None or section.initial_pressure != "hydrostatic" or not scene.gravity.any():
         return []
-    walls = [wall for wall in scene.walls if fit.fits(wall) and not _straight(wall.shape)]
-    return [wall for wall in walls if fluid.n and _cuts(wall, fluid)]
-
-
-def _straight(shape: Shape) -> bool:
-    """Whether a shape is seen to lie along the lattice before any particle is looked at."""
-    return bool(shape.box or (shape.plane and np.abs(unit(shape.plane.normal)).max() > 1.0 - LEVEL))
+    return [wall for wall in scene.walls if fluid.n and fit.fits(wall) and _cuts(wall, fluid)]
 
 
 def _cuts(wall: Any, fluid: Any) -> bool:
-    """Whether the normal of a wall is along no axis somewhere where particles of a fluid touch it."""
+    """Whether somewhere where particles of a fluid touch a wall its normal is along no axis, or its face is off the
+    middle between two planes of the lattice.
+    """
     step = fluid.step
 
     def touches(x: Reals) -> NDArray[np.bool_]:
-        return np.abs(signed_distance(wall.shape, x, step)) < TOUCHING * step
+        return np.abs(signed_distance(wall.shape, x, step)) < step
 
-    near = np.setdiff1d(flagged(fluid.grid, None, touches), fluid.removed, assume_unique=True)
+    near = np.setdiff1d(flagged(fluid.grid, fit.around(wall), touches), fluid.removed, assume_unique=True)
     x = fluid.grid.points(fluid.grid.unflat(near))
-    normal, way = normals(wall.shape, x, STEP * step), TOUCHING * step
-    gone = signed_distance(wall.shape, x + way * normal) - signed_distance(wall.shape, x)
+    off, normal, way = signed_distance(wall.shape, x), normals(wall.shape, x, STEP * step), TOUCHING * step
+    gone = signed_distance(wall.shape, x + way * normal) - off
     face = gone > (1.0 - LEVEL) * way  # as near to two faces, it goes off them more slowly
-    return bool(np.any(np.abs(normal[face]).max(axis=1, initial=0.0) < 1.0 - LEVEL))
+    along = np.abs(normal).max(axis=1, initial=0.0) > 1.0 - LEVEL
+    steps = np.array([line[1] - line[0] if len(line) > 1 else step for line in fluid.grid.coordinates])
+    apart = np.abs(off) / steps[np.argmax(np.abs(normal), axis=1)]
+    askew = ~along & (np.abs(off) < way)  # farther off, corners have such normals
+    return bool(np.any(face & (askew | along & (np.abs(apart - 0.5) > ALIGNED))))
 
 
 def sides_of(fluid: Any) -> list[tuple[Shape, float]]:
