@@ -15,6 +15,7 @@ from hpcpic.plasma.analysis.predictions import Prediction, predict
 from hpcpic.plasma.analysis.series_analysis import Oscillation, fit_oscillation, signed
 from hpcpic.plasma.case.config import PlasmaConfig, Species, mode_columns
 from hpcpic.plasma.diagnostics.scalars import MODES
+from hpcpic.plasma.forecast.densest import at_densest
 from hpcpic.plasma.forecast.recurrence import on_grid
 from hpcpic.plasma.forecast.scales import particle_count, spacing, total_plasma_frequency
 from hpcpic.plasma.forecast.turning import fastest_turn
@@ -95,7 +96,7 @@ def continuous(config: PlasmaConfig) -> list[Knob]:
         Knob("dx", "grid spacing", "m", ("grid", "points"), lambda c: spacing(c)[0], 2.0, d, "Debye length",
              largest=coarsest(config), beyond="the wave that it starts would be shorter than two cells"),
         Knob("dt", "time step", "s", ("simulation", "time_step"), lambda c: abs(c.simulation.time_step), 2.0, 1.0,
-             "time step"),
+             f"time step{at_densest(config)}"),
     ]  # fmt: skip
     if scalable(config):
         found.append(

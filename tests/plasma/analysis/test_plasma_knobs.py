@@ -13,6 +13,7 @@ from hpcpic.core.cli.main import build
 from hpcpic.core.files.series import Series
 from hpcpic.core.study.bisection import Limits
 from hpcpic.core.study.pilot import Pilots
+from hpcpic.core.study.stability import limited
 from hpcpic.plasma.analysis.knobs import knobs_of, smooth
 from hpcpic.plasma.app import APP, shipped_cases
 from hpcpic.plasma.configure import configure
@@ -50,6 +51,17 @@ def test_its_own_sizes_are_the_case_itself(case):
     simulation = again.simulation.model_copy(update={"time_step": config.simulation.time_step})
     assert again.model_copy(update={"simulation": simulation}) == config
     assert again.simulation.time_step == pytest.approx(config.simulation.time_step, rel=1e-12)
+
+
+@pytest.mark.parametrize("amplitude", [0.01, 0.5])
+def test_stability_turns_the_step_also_where_a_wave_makes_the_plasma_dense(tmp_path, amplitude):
+    """Twice the density at its crest: `check` judges the step there, in a row of another name, and dx was turned."""
+    sets = (f"species[0].perturbation.amplitude={amplitude}",)
+    case = read_case(APP, "landau-damping", sets)
+    limits = Limits(Pilots(APP, case, sets, knobs := knobs_of(case.config), tmp_path, (1, 1)), knobs)
+    knob = limited(limits)
+    crest = 1.98 if amplitude == 0.5 else 1.0  # of the two densest cells
+    assert knob.name == "dt" and limits.axis(knob).size(1.0) == pytest.approx(2.0 / math.sqrt(crest), rel=0.02)
 
 
 @pytest.mark.parametrize("turn, exact", [(1.0, False), (1.0, True), (2.0, True), (8.0, True)])
