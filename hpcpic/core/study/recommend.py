@@ -23,6 +23,7 @@ LIMIT_MARGIN = 0.8  # of the end of stability
 NEIGHBOUR = 1.25
 APART = 1.1  # at least, of sizes that tell more than one
 SAME = 1.001  # times a size: the same, to rounding
+PROMISED = 1.001  # times the tolerance: a bound of the laws that promises it
 DEAREST = 2.0  # times the cost of the case's pilot, or what is left if that is less: a neighbour that is not run
 TRIES = 4
 FINER = 3.0  # pilots of the case's cost: about what a finer level of one knob costs
@@ -367,7 +368,8 @@ class Recommendation:
             sizes = {name: size if laws[name].idle else size * factor for name, size in proposal.sizes.items()}
             cost = proposal.scheme.cost * relative_cost(proposal.scheme.laws, sizes)
             legal = self.pilots.legal(sizes, search.quantity.time, proposal.scheme.others)
-            if not legal or cost > DEAREST or search.cost(sizes, proposal.scheme.others) > search.budget.left:
+            beyond = cost > self.dearest(proposal) or search.cost(sizes, proposal.scheme.others) > search.budget.left
+            if not legal or beyond:
                 continue
             beside = search.pilot(sizes, proposal.scheme.others, f"{words} neighbour")
             try:
@@ -384,12 +386,17 @@ class Recommendation:
                 )
         return dataclasses.replace(run, neighbours=neighbours, beside=at, warnings=warnings, kept=kept)
 
+    def dearest(self, proposal: Proposal) -> float:
+        """What a neighbour may cost, in pilots. Where the laws do not promise the tolerance it alone can tell luck."""
+        left = max(self.search.budget.left, 0.0)
+        return min(DEAREST, left) if proposal.bound <= self.search.wanted * PROMISED else left
+
     def unpromised(self, run: Verified) -> list[str]:
         """Warnings where the laws alone would not say that the proposal is good enough, where the field beside the
         quantity is worse than it, and those that the run itself gave and the case's did not.
         """
         wanted, found, seen = self.search.wanted, [], self.pilots.knobs.seen
-        if run.proposal.bound > wanted * 1.001:
+        if run.proposal.bound > wanted * PROMISED:
             found.append(
                 f"it is off by {percent(run.error)}, but the laws of its knobs promise no less than "
                 f"{percent(run.proposal.bound)}"

@@ -319,7 +319,7 @@ def recommended(made: Recommendation, wanted: float, limit: float | None) -> Ver
 
 
 def tell_recommendation(search: Search, verified: Verified, wanted: float) -> None:
-    from hpcpic.core.study.recommend import DEAREST
+    from hpcpic.core.study.recommend import Recommendation
 
     proposal, scale = verified.proposal, search.pilots.knobs.time / search.quantity.time
     click.echo()
@@ -336,7 +336,7 @@ def tell_recommendation(search: Search, verified: Verified, wanted: float) -> No
     faster, fewer = search.base.seconds * scale / seconds, search.base.work / verified.pilot.work
     estimated = search.base.price / verified.pilot.price
     beside = [f"{words} neighbour {percent(error)}" for words, error in verified.neighbours.items()]
-    dearest = min(DEAREST, max(search.budget.left, 0.0))
+    dearest = Recommendation(search).dearest(proposal)
     left_out = " and ".join(words for words in ("coarser", "finer") if words not in verified.neighbours)
     beside += [f"{left_out} neighbour not run: dearer than {dearest:.2g} pilots, or beyond a limit"] if left_out else []
     seen = search.pilots.knobs.seen

@@ -1,11 +1,13 @@
 """What tradeoff says of a setting that it does not certify, the ways out it offers, and what the written case says."""
 
+import math
 import re
+from types import SimpleNamespace
 
 import pytest
 from test_tradeoff import program  # noqa: F401
 
-from hpcpic.core.study import front
+from hpcpic.core.study import front, recommend
 
 WORDS = ("tradeoff", "-o", "out", "--knobs", "dx", "--tolerance")
 
@@ -46,3 +48,20 @@ def test_the_written_case_says_which_quantity_and_which_times_its_error_is_of(pr
     what, source = (tmp_path / "new.conf").read_text().splitlines()[:2]
     assert what == "# what: case with mean of answer from t = 2 to 8 s right to 1.0 %"
     assert source.startswith("# source: tradeoff; off by ") and source.endswith(", by runs until t = 8 of 20 s")
+
+
+@pytest.mark.parametrize("bound, run", [(0.005, []), (0.05, ["coarser", "finer"])])
+def test_where_the_laws_promise_less_neighbours_are_run_whatever_they_cost(monkeypatch, bound, run):
+    """A Landau wave was certified at 1 % without them: its grid and its noise, 2.5 and 2.8 % by the laws, cancelled."""
+    monkeypatch.setattr(recommend, "relative_cost", lambda laws, sizes: 3.0)  # more than DEAREST, less than is left
+    law = SimpleNamespace(name="dx", idle=False, bound=lambda size: bound)
+    scheme = SimpleNamespace(laws=(law,), others={}, cost=1.0, floor=0.0)
+    search = SimpleNamespace(
+        pilots=SimpleNamespace(legal=lambda *_: True, knobs=SimpleNamespace(seen=None)), schemes=[scheme],
+        budget=SimpleNamespace(left=10.0), cost=lambda *_: 3.0, wanted=0.01, floor=0.0, uncertainty=0.0,
+        quantity=SimpleNamespace(time=1.0), base=SimpleNamespace(warnings=()), error=abs, measured=lambda pilot: 0.004,
+        pilot=lambda sizes, *_: SimpleNamespace(sizes=sizes),
+    )  # fmt: skip
+    proposal = recommend.Proposal(scheme, {"dx": 1.0}, {"dx": bound}, 1.0)
+    asked = recommend.Verified(proposal, SimpleNamespace(sizes={"dx": 1.0}, warnings=()), 0.004, math.nan, True)
+    assert list(recommend.Recommendation(search).compared(asked).neighbours) == run
