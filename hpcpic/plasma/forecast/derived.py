@@ -379,7 +379,7 @@ def background(config: PlasmaConfig) -> Derived:
         return Derived(name, symbol, -total, unit)
     ways = [neutral(config, i, 1 - total / charge) for i, charge in enumerate(charges) if charge and total / charge < 1]
     verdict, key = verdict_of(abs(total) <= MAX_IMBALANCE * moduli), ("species",)
-    source = "species of both signs cancel"
+    source = "species of both signs cancel; a uniform charge makes up for what they leave"
     return judged(name, symbol, -total, "0", verdict, source, ", or ".join(ways), key, unit)
 
 

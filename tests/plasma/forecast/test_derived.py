@@ -130,6 +130,7 @@ def test_the_limit_that_is_shown_is_the_one_that_the_verdict_falls_by(symbol, ke
 def test_charges_of_both_signs_that_do_not_cancel_are_told():
     """Nothing is said of one sign over a background, nor of what rounding leaves."""
     number = numbers([IMBALANCE])[0]["rho_0"]
+    assert "a uniform charge makes up for what they leave" in number.source
     assert (number.value, number.verdict) == (-2e3, "warn")
     assert number.cure == "species[0].density = 3000, or species[1].density = 1000"
     for even in ("1e3", "1000.0001"):
