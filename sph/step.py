@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hpcpic.core.case import accelerations
 from hpcpic.core.comm.world import World
@@ -78,10 +79,14 @@ class Sph:
         if scene.inlets or scene.outlets:
             self.evolution.openings = Openings(scene, self.clock, self.storage, self.slabs, self.exchange)
         self.openings = self.evolution.openings
-        summed = [self.forces.impulses, self.exchange.made, self.exchange.gone]
-        summed += [self.bodies.state, self.bodies.ledger] if self.bodies else []
-        summed += [self.openings.mean, self.openings.way, self.openings.columns] if self.openings else []
-        self.checksums = Checksums(scene.dimensions, self.tasks.arena, summed)
+        small: dict[str, NDArray] = {"impulses on walls": self.forces.impulses}
+        small |= {"counts of what inlets made": self.exchange.made, "counts of what has left": self.exchange.gone}
+        if self.bodies:
+            small |= {"states of bodies": self.bodies.state, "impulses of contacts": self.bodies.ledger}
+        if self.openings:
+            small |= {"mean velocities at openings": self.openings.mean, "ways of inlets": self.openings.way}
+            small["water columns at outlets"] = self.openings.columns
+        self.checksums = Checksums(scene.dimensions, self.tasks.arena, small)
         self.runaway = Runaway(self.clock, self.storage, self.forces, self.totals, self.checksums, self.exchange)
         self.strays = Strays(scene, world, self.clock, self.storage)
         parts = self.clock, self.storage, self.forces, self.gauges, self.strays, self.skin, self.bodies

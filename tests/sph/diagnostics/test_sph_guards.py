@@ -152,7 +152,7 @@ def test_a_mass_that_changes_in_memory():
 
 @pytest.mark.parametrize("integrator", ["euler", "symplectic", "rk3-tvd"])
 @pytest.mark.parametrize(
-    "column, what", [("x", "positions"), ("v", "velocities"), ("drho", "densities"), (None, "sums over time")]
+    "column, what", [("x", "positions"), ("v", "velocities"), ("drho", "densities"), (None, "impulses on walls")]
 )
 def test_the_last_bit_of_one_number_that_turns_between_steps(integrator, column, what):
     def attack(sph):
