@@ -6,6 +6,7 @@ Lines of theory are drawn dashed and dark; what was measured is coloured.
 from __future__ import annotations
 
 from itertools import cycle
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -63,6 +64,7 @@ if TYPE_CHECKING:
 SIGNED, POSITIVE = "RdBu_r", "viridis"
 MOST_HARMONICS = 40  # that a spectrum can show apart
 WEAKLY_DAMPED = 0.6  # k lambda_D of waves that a spectrum shows
+WIDEST = 72  # characters of a line in a figure: a longer one would narrow its axes
 
 
 def _fields(run: Run) -> Fields:
@@ -205,7 +207,8 @@ def modes(run: Run, step: int | None = None) -> Figure:
             axes.set_ylim(0.5 * resolved.min(), 12.0 * top)
         axes.set(xlabel="time, s", ylabel=axis_label("|$E_k$|", "V/m"), title="Modes of the field")
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
-        axes.text(0.015, 0.975, compared.words, transform=axes.transAxes, va="top", linespacing=1.5)
+        words = "\n".join(fill(line, WIDEST) for line in compared.words.splitlines())
+        axes.text(0.015, 0.975, words, transform=axes.transAxes, va="top", linespacing=1.5)
         return figure
 
 

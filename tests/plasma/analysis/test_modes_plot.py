@@ -9,6 +9,7 @@ from plasma_reference import make_run
 from hpcpic import Case
 from hpcpic.core.case.config import loads
 from hpcpic.core.files.reader import open_run
+from hpcpic.plasma.analysis import plots
 from hpcpic.plasma.analysis.plots import PLOTS
 from hpcpic.plasma.analysis.predictions import predict_sound
 from hpcpic.plasma.configure import configure
@@ -33,6 +34,20 @@ def test_the_axis_of_a_start_without_field_begins_above_its_rounding(tmp_path):
     assert first < 1e-9 * np.max(others)
     low, high = PLOTS["modes"].make(run, None).axes[0].get_ylim()
     assert 0.4 * min(others) < low < min(others) < max(others) < high
+
+
+def test_long_words_leave_the_axes_as_wide_as_they_are(tmp_path, monkeypatch):
+    """One line of 105 characters left an eighth of the figure to the axes."""
+    (tmp_path / "case.conf").write_text(NEUTRAL)
+    run = open_run(make_run(tmp_path / "case.conf", tmp_path / "a"))
+    widths = []
+    for words in ("not fitted", f"not fitted: {'it meets the noise ' * 5}"):
+        monkeypatch.setattr(plots, "_compared_sound", lambda *_, words=words: plots.Compared(words))
+        figure = plots.PLOTS["modes"].make(run, None)
+        figure.canvas.draw()
+        widths.append(figure.axes[0].get_position().width)
+        assert figure.axes[0].texts[0].get_text().replace("\n", " ") == words.strip()
+    assert widths[1] == pytest.approx(widths[0], rel=0.02)
 
 
 SOUND = """
