@@ -105,9 +105,13 @@ def start_faults(
             yield ("file",), f"holds an array {name!r}; there are {', '.join(expected)}"
         elif len(values.shape) != len(shape) or any(n not in (None, m) for n, m in zip(shape, values.shape)):
             wanted = ", ".join("n" if n is None else str(n) for n in expected[name])
-            yield ("file",), f"{name} must have the shape [{wanted}] (got {list(values.shape)})"
-        elif values.dtype.kind not in "fiu" or not np.isfinite(values).all():
-            yield ("file",), f"{name} must hold finite numbers"
+            cure = "; array[:, None] has it" if expected[name] == (None, 1) and values.ndim == 1 else ""
+            yield ("file",), f"{name} must have the shape [{wanted}] (got {list(values.shape)}){cure}"
+        elif values.dtype.kind not in "fiu":
+            yield ("file",), f"{name} must hold real numbers (got {values.dtype})"
+        elif not np.isfinite(values).all():
+            first = list(map(int, np.argwhere(~np.isfinite(values))[0]))
+            yield ("file",), f"{name} must hold finite numbers (got {values[tuple(first)]} at {first})"
         elif whole and np.delete(values, held[name], axis=1).any():
             others = " and ".join(np.delete(list("xyz"), held[name]))
             yield ("file",), f"{name} must be 0 in {others} in this box"

@@ -90,10 +90,12 @@ def test_positions_may_have_three_components_as_they_are_read():
     ("start", "told"),
     [
         ({"position": np.zeros((4, 2))}, r"position must have the shape \[n, 1\] \(got \[4, 2\]\)"),
+        ({"position": np.zeros(4)}, r"the shape \[n, 1\] \(got \[4\]\); array\[:, None\] has it"),
         ({"position": np.eye(4)[:, :3]}, "position must be 0 in y and z in this box"),
         ({"positions": np.zeros((4, 1))}, "holds an array 'positions'; there are position, velocity"),
         ({"position": np.zeros((4, 1)), "velocity": np.zeros((3, 1))}, "arrays of different lengths: 3, 4"),
-        ({"velocity": [[np.nan]]}, "velocity must hold finite numbers"),
+        ({"velocity": [[np.nan]]}, r"velocity must hold finite numbers \(got nan at \[0, 0\]\)"),
+        ({"velocity": [[1j]]}, r"velocity must hold real numbers \(got complex128\)"),
         ({"file": "nowhere.npz"}, r"species\[0\].start.file: \S+nowhere.npz: cannot be read as arrays .No such file"),
     ],
 )
