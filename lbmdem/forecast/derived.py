@@ -18,7 +18,7 @@ from lbmdem.forecast.plan import grain_count
 from lbmdem.forecast.pressures import inflow, pressures
 from lbmdem.forecast.relaxation import SPACING, grid_reynolds, key_of_tau, relaxation, slower
 from lbmdem.forecast.shaken import layers
-from lbmdem.forecast.throats import pores, throats
+from lbmdem.forecast.throats import closed, pores, throats
 from lbmdem.physics.velocity_sets import CS2, LATTICES
 from lbmdem.physics.wall_rules import RULES, impedance
 from lbmdem.setup.overlap_survey import SAMPLE, law_diameters, law_volume, packed_space, packing_ends
@@ -34,7 +34,7 @@ def derived(config: LbmDemConfig, ranks: int = 1) -> list[Derived]:
     """Every derived number of a completed case that runs on so many ranks."""
     parts = (
         relaxation, lattice_units, speeds, driven, steady, pressures, between_faces, inflow, ringing, sloshing, layers,
-        obstacles, throats, pores, carried,
+        obstacles, throats, closed, pores, carried,
     )  # fmt: skip
     fluid = [number for part in parts for number in part(config)] if config.fluid else []
     solids = [*grains(config), *unheld(config), *contacts(config), *slices(config)]

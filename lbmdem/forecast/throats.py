@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from hpcpic.core.case.derived import Derived, judged, rounded_down
 from lbmdem.case.config import AXES, LbmDemConfig, whole_spacing
 from lbmdem.forecast.free_fall import stays
+from lbmdem.forecast.piles import standing, weight_in_fluid
 from lbmdem.forecast.pressures import span
 from lbmdem.forecast.relaxation import SPACING
 from lbmdem.setup.overlap_survey import plane_gap
@@ -30,6 +31,7 @@ PACKING = {
     "BGK": ((0.52, 0.1), (0.55, 0.24), (0.7, 0.61), (0.9, 0.95), (1.0, 1.1), (1.2, 1.4)),
 }
 OF_PACKING = 3.66  # nodes: its hydraulic diameter
+PILED = 3.0  # weights of a disc on the lowest of a pile, which encloses pores
 MOST_OFF = 0.05  # of the flow, which may then be off by 0.12
 
 
@@ -84,6 +86,19 @@ def beside_walls(config: LbmDemConfig, x: NDArray[np.float64], radius: NDArray[n
 def narrowest(gaps: NDArray[np.float64], spacing: float) -> float:
     """The least of gaps (m) that are open; infinite without any."""
     return float(gaps.min(initial=math.inf, where=gaps > CLOSED * spacing))
+
+
+def closed(config: LbmDemConfig) -> Iterator[Derived]:
+    """Beds and piles of discs that move in a fluid: where they touch, no fluid gets from pore to pore."""
+    if config.dimensions == 3 or not any(config.gravity):
+        return
+    for group, below in zip(config.grains, standing(config)):
+        own = abs(weight_in_fluid(config, group, group.largest_diameter))
+        if not stays(config, group) and own and (group.packing is not None or below > PILED * own):
+            yield Derived(
+                f"pores between discs of {group.name} that touch", "k", 0.0, "m2",
+                source="closed in 2D: it drains, dilates and flows as contacts open; spheres leave ways",
+            )  # fmt: skip
 
 
 def pores(config: LbmDemConfig) -> Iterator[Derived]:

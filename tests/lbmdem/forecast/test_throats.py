@@ -7,7 +7,7 @@ import pytest
 
 from hpcpic.core.case.config import loads
 from lbmdem.configure import configure
-from lbmdem.forecast.throats import throats
+from lbmdem.forecast.throats import closed, throats
 
 CASE = """
 simulation = { dimensions = 2; end_time = 1.0; };
@@ -64,3 +64,18 @@ def test_many_discs_have_the_narrowest_of_all_pairs():
     sets = "domain.size=[1.0, 1.0]", f"grains[0].diameter={2 * half}", f"grains[0].position=({str(x.tolist())[1:-1]})"
     assert told(*sets, "domain.spacing=0.001")[DISCS].value == pytest.approx((away.min() - 2.0 * half) / 0.001)
 
+
+def test_beds_of_discs_that_move_have_closed_pores():
+    """A column of 120 discs stood under water, of which a dry one ran out by 3.6 of its widths."""
+    column = "(" + ", ".join(f"[{0.003 + 0.005 * i}, {0.003 + 0.005 * j}]" for j in range(4) for i in range(3)) + ")"
+    piled = "gravity=[0.0, -9.81]", "domain.periodic=[]", "grains[0].moving=true", f"grains[0].position={column}"
+
+    def names(*sets):
+        return [one.name for one in closed(configure(loads(CASE, sets=(*piled, *sets))))]
+
+    assert names() == ["pores between discs of grains_1 that touch"]
+    assert not names("grains[0].position=([0.003, 0.003], [0.01, 0.003])")  # a layer encloses none
+    assert not names("grains[0].moving=false") and not names("coupling.frozen=true")
+    assert not names("gravity=[0.0, 0.0]", "domain.size=[0.04, 0.04]")
+    packed = "grains=({diameters={min=1e-3; max=1e-3; count=150;}; packing={porosity=0.25;};})"
+    assert names(packed)
