@@ -3,12 +3,14 @@
 import math
 from collections.abc import Iterator
 
+import numpy as np
+
 from hpcpic.core.case.derived import Derived, Verdict, judged, rounded_down
 from sph.case import geometry
 from sph.case.config import AXES
 from sph.setup.rigid.mass import share
 from sph.setup.rigid.surfaces import TOUCHING, gap
-from sph.setup.scene import Scene
+from sph.setup.scene import Scene, Wall
 
 LIGHTEST = 0.03  # mass of a body over that of it and a layer of fluid
 FEWEST, FEWEST_LIGHT = 4, 8  # spacings across, below which a body starts by a tenth wrong; what is light, in 3D
@@ -35,14 +37,7 @@ def gaps_and_masses(scene: Scene) -> Iterator[Derived]:
         gaps = [(gap(wall, other), other.name) for other in others]
         for least, name in sorted(gaps)[:1]:
             told.add(frozenset((wall.name, name)))
-            verdict: Verdict = "ok" if least >= -TOUCHING * scene.spacing else "fail"
-            source = "contacts push apart what overlaps"
-            cure = "" if verdict == "ok" else f"a place where it touches {name} or is away from it"
-            limit, wet = ">= 0", any(wall.name in fluid.clipped for fluid in scene.fluids)
-            if verdict == "ok" and wet and least < (1.0 - TOUCHING) * scene.spacing:
-                verdict, limit = "warn", f">= {scene.spacing:g}, a layer of fluid"
-                source = f"no fluid gets between them: what is around {wall.name} presses it against {name}"
-                cure = f"a gap of {scene.spacing:g} m"
+            limit, verdict, source, cure = judged_gap(scene, wall, name, least)
             yield Derived(f"gap between {wall.name} and {name}", "", least, "m", limit, verdict, source, cure,
                           (*key, "shape"))  # fmt: skip
         part = share(wall, x)
@@ -50,6 +45,31 @@ def gaps_and_masses(scene: Scene) -> Iterator[Derived]:
         cure = "" if verdict == "ok" else "a larger density, or a smaller spacing"
         yield Derived(f"mass of {wall.name} over that with a layer of fluid", "", part, "", f">= {LIGHTEST:g}", verdict,
                       "measured: 0.038 stands, 0.013 diverges", cure, (*key, "body", "density"), True)  # fmt: skip
+
+
+def judged_gap(scene: Scene, wall: Wall, name: str, least: float) -> tuple[str, Verdict, str, str]:
+    """Limit, verdict, source and cure of the gap, m, between a body and what is nearest to it."""
+    spacing, hinge = scene.spacing, wall.section.body and wall.section.body.hinge
+    if least < -TOUCHING * spacing:
+        apart = f"a place where it touches {name} or is away from it"
+        return ">= 0", "fail", "contacts push apart what overlaps", apart
+    if hinge and least < (1.0 + TOUCHING) * spacing:
+        return (f"> {spacing:g}, at which solids touch", "warn",
+                f"contacts bear what turns {wall.name} towards {name}, and keep it from turning",
+                f"a gap of more than {spacing:g} m at any angle that it comes to; fluid goes through it")  # fmt: skip
+    if wet(scene, wall) and least < (1.0 - TOUCHING) * spacing:
+        return (f">= {spacing:g}, a layer of fluid", "warn",
+                f"no fluid gets between them: what is around {wall.name} presses it against {name}",
+                f"a gap of {spacing:g} m")  # fmt: skip
+    return ">= 0", "ok", "contacts push apart what overlaps", ""
+
+
+def wet(scene: Scene, wall: Wall) -> bool:
+    """If a fluid is around a body, or beside it as before a gate, at t = 0."""
+    low, high = (np.array(corner) for corner in geometry.bounds(wall.shape))
+    waters = [geometry.bounds(fluid.section.shape) for fluid in scene.fluids if fluid.n]
+    beside = 0.5 * scene.spacing
+    return any(np.all(low - beside < top) and np.all(high + beside > bottom) for bottom, top in waters)
 
 
 def small(scene: Scene) -> Iterator[Derived]:

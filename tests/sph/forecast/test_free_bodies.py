@@ -1,4 +1,4 @@
-"""Free bodies of a few spacings are told, with a spacing that is fine enough."""
+"""Free bodies of a few spacings are told, with a spacing that is fine enough; and what gaps to walls do to them."""
 
 import re
 
@@ -48,3 +48,19 @@ def test_a_flat_body_counts_by_its_volume():
 def test_a_body_that_goes_nowhere_is_not_asked(held, free):
     assert (across(2, ball(2, 0.05), f"density = 500.0; held = {held};") is not None) == free
     assert across(2, ball(2, 0.05), "density = 500.0; hinge = { point = [0.5, 0.5]; };") is None
+
+
+@pytest.mark.parametrize(("low", "hinge", "limit"), [
+    (0.0, "", ">= 0.05, a layer of fluid"), (0.0, "[0.6, 0.0]", "> 0.05, at which solids touch"),
+    (0.05, "[0.6, 0.05]", "> 0.05, at which solids touch"), (0.05, "", ">= 0"), (0.075, "[0.6, 0.075]", ">= 0"),
+])  # fmt: skip
+def test_a_gate_that_a_body_is_starts_apart_from_its_floor(low, hinge, limit):
+    """Water beside it, none in its place. A flap 0.1 m thick on a hinge at its foot, and on a line at its top, 0.4 m
+    above, held 0.3 m of water by the contacts of its foot: the line bore 6 N/m for 110 with a gap of a spacing or none.
+    """
+    shape = f"box = {{ low = [0.5, {low}]; high = [0.7, 0.8]; }};"
+    more = f"density = 500.0; hinge = {{ point = {hinge}; }};" if hinge else "density = 500.0;"
+    water = '( { name = "water"; shape = { box = { low = [0.0, 0.0]; high = [0.5, 0.5]; }; }; } )'
+    number = told(fluid=water, wall=f"{PARTS['wall'][:-1]}, {BODY % (shape, more)}")["gap between ball and tank"]
+    assert number.limit == limit and number.value == pytest.approx(low)
+    assert number.verdict == ("ok" if limit == ">= 0" else "warn")
