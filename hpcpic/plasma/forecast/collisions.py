@@ -5,13 +5,21 @@ from collections.abc import Iterator
 
 from hpcpic.core.case.derived import Derived, judged, rounded_up
 from hpcpic.plasma.case.config import PlasmaConfig, Species
-from hpcpic.plasma.forecast.scales import MOST_WITHOUT_FIELD, field_axes, plasma_frequency, spacing
+from hpcpic.plasma.forecast.scales import (
+    MOST_WITHOUT_FIELD,
+    field_axes,
+    plasma_frequency,
+    spacing,
+    thermal_velocities,
+)
 from hpcpic.plasma.setup.loaders import loader_of
 from hpcpic.plasma.setup.macro_particles import macro_charge, macro_mass
 
+FAST = 2.0  # thermal velocities: what drifts faster meets others too shortly to collide at the rates below
 ALIKE = 2.0  # charges over masses within this factor are one kind: others share their energy far more slowly
 UNEQUAL = 1.25  # energies of macro-particles that differ by more have something to share
 SEEN = 0.1  # of a difference
+LEAST, MOST = 0.5, 1e3  # lambda_D/dx: below it no rate was measured and the grid heats, beyond it nothing collides
 
 
 def collisions(config: PlasmaConfig) -> Iterator[Derived]:
@@ -23,6 +31,7 @@ def collisions(config: PlasmaConfig) -> Iterator[Derived]:
         return
     fastest = max(abs(species.charge / species.mass) for species in moving)
     kind = [species for species in moving if abs(species.charge / species.mass) * ALIKE > fastest]
+    kind = [species for species in kind if not drifts_fast(config, species)]
     energies = [macro_mass(config, s) * square for s in kind for square in squares(config, s)]
     if not energies or max(energies) < UNEQUAL * min(energies):
         return
@@ -34,7 +43,9 @@ def collisions(config: PlasmaConfig) -> Iterator[Derived]:
     source = "measured: differences between energies of macro-particles fall by exp(-nu t)"
     if weights:
         source += "; those of a larger weight come to a lower temperature"
-    cure = f"{rounded_up(lost / SEEN):g} times the particles" + (", or all of one weight" if weights else "")
+    cure = ""
+    if SEEN <= lost < math.inf:
+        cure = f"{rounded_up(lost / SEEN):g} times the particles" + (", or all of one weight" if weights else "")
     yield judged(
         "collisions of macro-particles", "nu t", lost, limit=f"< {SEEN:g}", ok=lost < SEEN, legal=True, source=source,
         cure=cure, key=("species", config.species.index(kind[0]), "particles"),
@@ -48,6 +59,7 @@ def collision_rate(debye: float, per_cell: float, axes: int) -> float:
     Debye length and the size of their clouds together (Hockney, J. Comput. Phys. 8, 19, 1971); in 3D with Landau's
     logarithm, which ends where clouds overlap.
     """
+    debye = min(max(debye, LEAST), MOST)
     if axes == 2:
         return 0.059 / (per_cell * (debye * debye + 0.41))
     return 0.0047 * math.log(1.0 + 4.0 * debye * debye) / (per_cell * debye**3)
@@ -58,6 +70,14 @@ def squares(config: PlasmaConfig, species: Species) -> list[float]:
     axes = [axis for axis, n in enumerate(config.points) if n > MOST_WITHOUT_FIELD]
     parts = [part for axis in axes for part in loader_of(species).populations(species, axis)]
     return [part.spread**2 for part in parts if part.spread]
+
+
+def drifts_fast(config: PlasmaConfig, species: Species) -> bool:
+    """Whether a part of a species drifts faster than all velocity spreads of the case."""
+    axes = range(config.dimensions)
+    parts = [part for axis in axes for part in loader_of(species).populations(species, axis)]
+    widest = max(max(thermal_velocities(config, other)) for other in config.species)
+    return max(abs(part.mean) for part in parts) > FAST * widest
 
 
 def debye_cells(config: PlasmaConfig, kind: list[Species], wp: float) -> float:

@@ -58,5 +58,8 @@ def test_one_temperature_and_what_does_not_collide_is_not_told():
     assert told(plasma((1.0, 1.05))) is None
     assert told(plasma(dimensions=1)) is None
     assert told(plasma(field={"magnetic": [0.0, 0.0, 1.0]})) is None
+    assert told(plasma().changed({"species[1].drift_velocity": [4.0, 0.0]})) is None  # too fast to meet the others
+    still, tiny = {"simulation.cycles": 0}, {"species[0].thermal_velocity": 1e-70, "species[1].thermal_velocity": 1e70}
+    assert told(plasma().changed(still)).verdict == told(plasma(dimensions=3).changed(tiny)).verdict == "ok"
     heavy = plasma().changed({"species[1].mass": 100.0})
     assert told(heavy) is None
