@@ -15,6 +15,7 @@ CENTRAL = 'collision = "central" has no such limit'
 PAST_SOLIDS = {"TRT": (7.5, 10.0), "BGK": (3.75, 7.5)}
 # Error of the mean velocity of a channel of 16 nodes with half-way walls, measured by tau: BGK
 SLIP = ((1.2, 5e-3), (1.5, 2.3e-2), (2.0, 5.9e-2), (3.0, 0.17), (5.0, 0.57), (10.0, 2.0))
+MANY_STEPS = 1e9  # of a run
 LEAST_EXCESS = 1e-12  # of tau over 1/2: of less, rounding leaves fewer than four digits of the viscosity
 
 
@@ -36,7 +37,11 @@ def relaxation(config: LbmDemConfig) -> Iterator[Derived]:
     """tau and the time step that goes with it [5]."""
     tau, collision = config.tau, COLLISIONS[config.liquid.collision]
     yield Derived("time step", "dt", config.time_step, "s")
-    yield Derived("steps", "N", config.n_steps)
+    yield judged(
+        "steps", "N", config.n_steps, ok=config.n_steps <= MANY_STEPS, legal=True, limit=f"<= {MANY_STEPS:g}",
+        source="a millisecond each: 11 days", key=("simulation", "end_time"),
+        cure="a shorter end_time, or check the units of viscosity and spacing",
+    )  # fmt: skip
     verdict: Verdict = "ok"
     limit, cure = "0.5 < tau <= 5", ""
     source = "Mansouri et al. [5]; Ginzburg & d'Humieres 2003"

@@ -181,6 +181,7 @@ TABLE = {
         ("with a wall", "CD", at((3.0, 20.3))),
         ("same centres", "CC", at((15.1, 20.3), (15.1, 20.3))),
     ],
+    "steps": [("a viscosity in mm2/s, for 1000 s", "B", (LAYER, ("fluid.viscosity=1.0", "simulation.end_time=1000")))],
 }  # fmt: skip
 ROWS = [
     pytest.param(expected, *scene, id=f"{what} {value}", marks=[pytest.mark.validation] if value == HALF else [])
