@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, Field
 from hpcpic.core.case.accelerations import MEANING
 from hpcpic.core.case.config import Tree
 from hpcpic.core.case.gauge import Gauge
-from hpcpic.core.case.schema import REQUIRED, Lengths, Section, Vector, as_tuple, setting
+from hpcpic.core.case.schema import REQUIRED, Lengths, Points, Section, Vector, as_tuple, setting
 from hpcpic.core.case.words import one_of, one_period, one_viscosity
 from hpcpic.core.files.start import Start, attach_arrays
 from hpcpic.core.physics.contact_law import SHEAR_RATIO, ContactLaw, stable_step
@@ -22,18 +22,7 @@ from lbmdem.case.grain_arrays import given
 AXES = "xyz"
 ACCURATE = 0.2  # of the largest stable step of the contacts, for their accuracy
 Positive = Annotated[float, Field(gt=0)]
-
-
-def as_points(value: object) -> object:
-    """One position, or a list of them: always a tuple of tuples."""
-    value = as_tuple(value)
-    if isinstance(value, tuple) and value and not isinstance(value[0], (list, tuple)):
-        return (value,)
-    return tuple(as_tuple(point) for point in value) if isinstance(value, tuple) else value
-
-
 Names = Annotated[tuple[Literal["x", "y", "z"], ...], BeforeValidator(as_tuple)]
-Points = Annotated[tuple[tuple[float, ...], ...], BeforeValidator(as_points)]
 
 
 class Simulation(Section):

@@ -45,6 +45,8 @@ def in_plane(walls: Sequence[Wall], t: float, low: NDArray, high: NDArray) -> li
             along = (top - base) / np.linalg.norm(top - base)
             side = shape.cylinder.radius * np.array([-along[1], along[0]])
             lines = [np.stack([base - side, base + side, top + side, top - side, base - side], axis=1)]
+        elif shape.polygon:
+            lines = [np.array([*shape.polygon.corners, shape.polygon.corners[0]]).T]
         elif shape.plane:
             normal = np.array(shape.plane.normal) / np.linalg.norm(shape.plane.normal)
             reach = np.linalg.norm(high - low) + np.linalg.norm((low + high) / 2 - shape.plane.point)

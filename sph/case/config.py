@@ -15,6 +15,7 @@ from hpcpic.core.files.start import Start, attach, attach_arrays, attached_array
 from sph.case.bodies import Body, Names
 from sph.case.motions import Motion
 from sph.case.openings import Direction, Inlet, Opening, Outlet
+from sph.case.shapes import Shape
 
 Integrator = Literal["euler", "predictor-corrector", "rk3-tvd", "symplectic"]
 Flux = Literal["none", "rusanov", "molteni", "fourtakas", "delta"]
@@ -51,48 +52,6 @@ class Domain(Section):
         """Lower and upper corner, m, of a completed case or one that gives both."""
         assert self.low is not None and self.high is not None
         return self.low, self.high
-
-
-class Box(Section):
-    low: Vector = setting(REQUIRED, "lower corner", "m")
-    high: Vector = setting(REQUIRED, "upper corner", "m")
-    open: Names = setting((), 'faces of a wall that are left out, as "z+"')
-
-
-class Sphere(Section):
-    centre: Vector = setting(REQUIRED, "centre", "m")
-    radius: float = setting(REQUIRED, "radius; a disc in 2D", "m", gt=0)
-
-
-class Cylinder(Section):
-    base: Vector = setting(REQUIRED, "middle of the lower end", "m")
-    top: Vector = setting(REQUIRED, "middle of the upper end", "m")
-    radius: float = setting(REQUIRED, "radius; a strip in 2D", "m", gt=0)
-
-
-class Plane(Section):
-    point: Vector = setting(REQUIRED, "a point of the plane", "m")
-    normal: Vector = setting(REQUIRED, "direction away from the solid, into the fluid")
-
-
-class Stl(Section):
-    file: str = setting(REQUIRED, "closed surface in an STL file, beside the case file")
-    sha256: str = setting("", "digest of the file, by which another one is refused; by default that of the file")
-    scale: float = setting(1.0, "metres per unit of the file", gt=0)
-    shift: Vector = setting((), "moved by this after scaling", "m")
-
-
-class Shape(Section):
-    box: Box | None = None
-    sphere: Sphere | None = None
-    cylinder: Cylinder | None = None
-    plane: Plane | None = None
-    stl: Stl | None = None
-
-    @property
-    def kind(self) -> str:
-        given = [name for name in type(self).model_fields if getattr(self, name) is not None]
-        return given[0] if len(given) == 1 else ""
 
 
 class Flow(Section):

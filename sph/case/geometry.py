@@ -5,8 +5,9 @@ A shape is a `config.Shape`; 2D shapes have two coordinates.
 
 import itertools
 import math
+from collections.abc import Iterator, Sequence
 
-from sph.case.config import Shape
+from sph.case.shapes import Shape
 
 Point = tuple[float, ...]
 
@@ -35,6 +36,9 @@ def bounds(shape: Shape) -> tuple[Point, Point]:
         reach = [r * math.sqrt(max(0.0, 1 - (a / along) ** 2)) for a in axis]
         low = tuple(min(a, b) - e for a, b, e in zip(base, top, reach))
         return low, tuple(max(a, b) + e for a, b, e in zip(base, top, reach))
+    if shape.polygon:
+        xs, ys = zip(*shape.polygon.corners)
+        return (min(xs), min(ys)), (max(xs), max(ys))
     if shape.stl:
         from sph.case.stl import mesh
 
@@ -69,11 +73,74 @@ def volume(shape: Shape) -> float:
     if shape.cylinder:
         r, along = shape.cylinder.radius, math.dist(shape.cylinder.base, shape.cylinder.top)
         return 2 * r * along if d == 2 else math.pi * r * r * along
+    if shape.polygon:
+        return abs(polygon_area(shape.polygon.corners))
     if shape.stl:
         from sph.case.stl import mesh
 
         return float(mesh(shape.stl).volume)
     return math.inf
+
+
+def triangles(corners: Sequence[Point]) -> Iterator[tuple[Point, Point, float]]:
+    """The sides of a polygon: both ends, from its first corner, and the area of the triangle with that, below 0 where
+    the corners go round clockwise.
+    """
+    x, y = corners[0]
+    ends = [(a - x, b - y) for a, b in corners]
+    for one, other in itertools.pairwise(ends):
+        yield one, other, 0.5 * (one[0] * other[1] - one[1] * other[0])
+
+
+def polygon_area(corners: Sequence[Point]) -> float:
+    """Area, m2, below 0 where the corners go round clockwise."""
+    return sum(area for _, _, area in triangles(corners))
+
+
+def centroid(corners: Sequence[Point]) -> Point:
+    """Centre of mass of a polygon."""
+    whole, first = polygon_area(corners), corners[0]
+    return tuple(
+        first[k] + sum(area * (a[k] + b[k]) for a, b, area in triangles(corners)) / 3 / whole for k in range(2)
+    )
+
+
+def polygon_squares(corners: Sequence[Point]) -> list[list[float]]:
+    """Mean over a polygon of r_a r_b, m2; r from its centre of mass."""
+    whole, first, middle = polygon_area(corners), corners[0], centroid(corners)
+    out = [[0.0, 0.0], [0.0, 0.0]]
+    for i, j in itertools.product(range(2), repeat=2):
+        mean = sum(
+            area * ((a[i] + b[i]) * (a[j] + b[j]) + a[i] * a[j] + b[i] * b[j]) for a, b, area in triangles(corners)
+        )
+        out[i][j] = mean / 12 / whole - (middle[i] - first[i]) * (middle[j] - first[j])
+    return out
+
+
+def crossing(corners: Sequence[Point]) -> tuple[int, int] | None:
+    """The first two sides of a polygon that meet but in a corner which both have, by the corners where they begin."""
+    sides = enumerate(zip(corners, (*corners[1:], corners[0])))
+    for (i, (a, b)), (j, (c, d)) in itertools.combinations(sides, 2):
+        if b == c or d == a:
+            one, shared, other = (a, b, d) if b == c else (c, d, b)
+            met = turn(one, shared, other) == 0.0 and not between(one, other, shared)
+        else:
+            across = turn(a, b, c) * turn(a, b, d) < 0.0 and turn(c, d, a) * turn(c, d, b) < 0.0
+            ends = ((a, b, c), (a, b, d), (c, d, a), (c, d, b))
+            met = across or any(turn(*end) == 0.0 and between(*end) for end in ends)
+        if met:
+            return i, j
+    return None
+
+
+def turn(a: Point, b: Point, c: Point) -> float:
+    """Twice the area of a triangle: above 0 where c lies left of the way from a to b, 0 on their line."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def between(a: Point, b: Point, c: Point) -> bool:
+    """Whether c is in the box that has a and b as corners."""
+    return all(min(p, q) <= r <= max(p, q) for p, q, r in zip(a, b, c))
 
 
 def count(extent: float, spacing: float) -> int:

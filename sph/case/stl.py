@@ -10,7 +10,7 @@ from hpcpic.core.errors import ConfigError
 from hpcpic.core.files.given import content_of
 
 if TYPE_CHECKING:
-    from sph.case.config import Stl
+    from sph.case.shapes import Stl
 
 
 @functools.lru_cache(maxsize=16)

@@ -15,7 +15,8 @@ from hpcpic.core.simd.own import shipped
 from sph.case import geometry
 from sph.case.bodies import Body, Hinge
 from sph.case.columns import columns_of, scalar_units
-from sph.case.config import AXES, FRONT, WALL_PRESSURE, Fluid, Gauge, Shape, SphConfig, Wall, name_of
+from sph.case.config import AXES, FRONT, WALL_PRESSURE, Fluid, Gauge, SphConfig, Wall, name_of
+from sph.case.shapes import Shape
 from sph.physics import stability
 from sph.physics.integrators import INTEGRATORS
 from sph.physics.liquids import liquids_of
@@ -117,6 +118,8 @@ def shape_faults(shape: Shape, d: int) -> Iterator[Fault]:
             yield ("box", "high"), f"must be above low = {list(low)} on every axis (got {list(high)})"
     elif shape.cylinder and shape.cylinder.base == shape.cylinder.top:
         yield ("cylinder", "top"), "must differ from base"
+    elif shape.polygon:
+        yield from ((("polygon", "corners"), text) for text in polygon_faults(shape.polygon.corners, d))
     elif shape.plane and not any(shape.plane.normal):
         yield ("plane", "normal"), "must not be zero"
     elif shape.stl and d == 2:
@@ -126,6 +129,22 @@ def shape_faults(shape: Shape, d: int) -> Iterator[Fault]:
             geometry.bounds(shape)
         except ConfigError as error:
             yield ("stl", "file"), error.message
+
+
+def polygon_faults(corners: tuple[tuple[float, ...], ...], d: int) -> Iterator[str]:
+    """Why a polygon has no inside."""
+    if d != 2:
+        yield "polygons are for 2D; in 3D an STL file gives any surface"
+    elif any(len(corner) != 2 for corner in corners):
+        yield "a corner has two numbers"
+    elif len(corners) < 3:
+        yield f"three corners or more are needed (got {len(corners)})"
+    elif len(set(corners)) < len(corners):
+        twice = next(corner for k, corner in enumerate(corners) if corner in corners[:k])
+        yield f"each corner is given once, the last is joined to the first (got {list(twice)} twice)"
+    elif met := geometry.crossing(corners):
+        one, other = (list(corners[k]) for k in met)
+        yield f"sides must not meet but in corners, in turn (those from {one} and {other} do)"
 
 
 def gauge_faults(gauge: Gauge, d: int) -> Iterator[Fault]:

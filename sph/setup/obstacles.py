@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph.case import geometry
-from sph.case.config import Shape
+from sph.case.shapes import Shape
 from sph.setup.particle_lattices import Box, Grid, Test
 from sph.setup.rigid import fit
 from sph.setup.signed_distance import signed_distance

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from hpcpic.core.space.products import product
 from hpcpic.core.space.shapes import unit
 from sph.case import geometry
-from sph.case.config import AXES, Plane, Shape
+from sph.case.config import AXES
+from sph.case.shapes import Plane, Shape
 from sph.setup import signed_distance
 
 Found = tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]

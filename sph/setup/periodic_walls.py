@@ -6,8 +6,9 @@ from collections.abc import Iterator
 from hpcpic.core.case.config import Path
 from hpcpic.core.case.schema import Section
 from sph.case import geometry
-from sph.case.config import AXES, Domain, Shape, SphConfig, Wall
+from sph.case.config import AXES, Domain, SphConfig, Wall
 from sph.case.motions import Motion
+from sph.case.shapes import Shape
 
 TINY = 1e-9  # of a period, for rounding
 

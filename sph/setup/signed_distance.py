@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.space import shapes
 from hpcpic.core.space.triangles import Surface
-from sph.case.config import Shape, Stl
+from sph.case.shapes import Shape, Stl
 
 
 @functools.lru_cache(maxsize=16)
@@ -29,6 +29,8 @@ def signed_distance(shape: Shape, x: NDArray, reach: float = np.inf) -> NDArray[
         return shapes.ball(x, shape.sphere.centre, shape.sphere.radius)
     if shape.cylinder:
         return shapes.cylinder(x, shape.cylinder.base, shape.cylinder.top, shape.cylinder.radius)
+    if shape.polygon:
+        return shapes.polygon(x, shape.polygon.corners)
     if shape.stl:
         return surface(shape.stl).distances(x, reach)
     assert shape.plane is not None

@@ -66,7 +66,16 @@ def as_tuple(value: Any) -> Any:
     return value if isinstance(value, (tuple, dict)) else (value,)
 
 
+def as_points(value: object) -> object:
+    """One position, or a list of them: always a tuple of tuples."""
+    value = as_tuple(value)
+    if isinstance(value, tuple) and value and not isinstance(value[0], (list, tuple)):
+        return (value,)
+    return tuple(as_tuple(point) for point in value) if isinstance(value, tuple) else value
+
+
 Vector = Annotated[tuple[float, ...], BeforeValidator(as_tuple)]
+Points = Annotated[tuple[tuple[float, ...], ...], BeforeValidator(as_points)]
 Counts = Annotated[tuple[Annotated[int, Field(ge=1)], ...], BeforeValidator(as_tuple)]
 Integers = Annotated[tuple[int, ...], BeforeValidator(as_tuple)]
 Lengths = Annotated[tuple[Annotated[float, Field(gt=0)], ...], BeforeValidator(as_tuple)]

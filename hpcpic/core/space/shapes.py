@@ -33,6 +33,21 @@ def cylinder(x: NDArray, base: ArrayLike, top: ArrayLike, radius: float) -> Dist
     return outside + np.minimum(np.maximum(across, beyond), 0.0)
 
 
+def polygon(x: NDArray, corners: ArrayLike) -> Distances:
+    """From a polygon with these corners [k, 2] in turn; 2D."""
+    ends = np.asarray(corners, np.float64)
+    squares, inside = np.full(len(x), np.inf), np.zeros(len(x), np.bool_)
+    for a, b in zip(ends, np.roll(ends, -1, axis=0)):
+        side, off = b - a, x - a
+        along = np.clip((off[:, 0] * side[0] + off[:, 1] * side[1]) / np.sum(side * side), 0.0, 1.0)
+        away = off - along[:, None] * side
+        squares = np.minimum(squares, away[:, 0] * away[:, 0] + away[:, 1] * away[:, 1])
+        if a[1] != b[1]:  # a ray along x meets it
+            level = (a[1] <= x[:, 1]) != (b[1] <= x[:, 1])
+            inside ^= level & (off[:, 0] < off[:, 1] * (side[0] / side[1]))
+    return np.where(inside, -1.0, 1.0) * np.sqrt(squares)
+
+
 def plane(x: NDArray, point: ArrayLike, normal: ArrayLike) -> Distances:
     """From a plane through a point."""
     return product(x - np.asarray(point), unit(normal))

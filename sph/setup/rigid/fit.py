@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph.case import geometry
-from sph.case.config import Shape
+from sph.case.shapes import Shape
 from sph.setup.particle_lattices import Filled, Found, Grid, flagged
 from sph.setup.signed_distance import normals, signed_distance
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.space.products import product
 from sph.case import geometry
-from sph.case.config import Shape
+from sph.case.shapes import Shape
 from sph.setup import signed_distance
 
 Reals = NDArray[np.float64]
@@ -32,14 +32,14 @@ def rigid_of(shape: Shape, density: float) -> Rigid:
 
         found = mesh(shape.stl)
         return Rigid(mass, np.array(found.center_mass), density * np.array(found.moment_inertia))
-    middle = geometry.middle(shape)
+    middle = geometry.centroid(shape.polygon.corners) if shape.polygon else geometry.middle(shape)
     d, centre, second = len(middle), np.zeros(3), np.zeros((3, 3))
     centre[:d], second[:d, :d] = middle, mass * mean_square(shape, d)
     return Rigid(mass, centre, np.trace(second) * np.eye(3) - second)
 
 
 def mean_square(shape: Shape, d: int) -> Reals:
-    """Mean over a shape of r_a r_b [d, d], m2; r from its middle."""
+    """Mean over a shape of r_a r_b [d, d], m2; r from its centre of mass."""
     if shape.sphere:
         return shape.sphere.radius**2 / (d + 2) * np.eye(d)
     if shape.cylinder:
@@ -47,6 +47,8 @@ def mean_square(shape: Shape, d: int) -> Reals:
         along = np.outer(axis, axis)
         across = np.eye(d) - along / np.trace(along)
         return along / 12 + shape.cylinder.radius**2 / (3 if d == 2 else 4) * across
+    if shape.polygon:
+        return np.array(geometry.polygon_squares(shape.polygon.corners))
     low, high = geometry.bounds(shape)
     return np.diag(np.square(np.subtract(high, low))) / 12
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.space.shapes import lengths
-from sph.case.config import Shape
+from sph.case.shapes import Shape
 from sph.physics.smoothing import SMOOTHING
 from sph.setup import obstacles, periodic_walls
 from sph.setup.particle_lattices import Grid, cross, flagged

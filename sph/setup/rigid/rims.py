@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from hpcpic.core.space.products import product
 from hpcpic.core.space.shapes import in_three
 from sph.case import geometry
-from sph.case.config import Shape, Wall
+from sph.case.config import Wall
+from sph.case.shapes import Shape
 from sph.setup.particle_lattices import along
 from sph.setup.rigid.mass import rigid_of, skew
 
@@ -30,6 +31,8 @@ def rim(shape: Shape) -> tuple[Reals, float]:
         from sph.case.stl import mesh
 
         points = mesh(shape.stl).vertices
+    elif shape.polygon:
+        points = shape.polygon.corners
     elif shape.cylinder:
         base, top = np.array(shape.cylinder.base), np.array(shape.cylinder.top)
         across = along((top - base) / math.dist(base, top))

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sph.case.config import AXES, Shape
+from sph.case.config import AXES
+from sph.case.shapes import Shape
 from sph.setup import tanks
 from sph.setup.particle_lattices import grid_of
 from sph.setup.signed_distance import normals, signed_distance

@@ -15,6 +15,7 @@ SHAPES = {
     "box": "box = { low = [0.1, 0.1]; high = [0.9, 0.8]; };",
     "sphere": "sphere = { centre = [0.5, 0.5]; radius = 0.4; };",
     "cylinder": "cylinder = { base = [0.2, 0.3]; top = [0.8, 0.6]; radius = 0.2; };",
+    "polygon": "polygon = { corners = ([0.1, 0.1], [0.9, 0.2], [0.5, 0.4], [0.6, 0.9]); };",
     "plane": "plane = { point = [0.5, 0.2]; normal = [-0.6, 0.8]; };",
     "sphere in space": "sphere = { centre = [0.5, 0.5, 0.5]; radius = 0.4; };",
     "cylinder in space": "cylinder = { base = [0.5, 0.4, 0.1]; top = [0.5, 0.6, 0.8]; radius = 0.3; };",

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sph.case import geometry
-from sph.case.config import Box, Cylinder, Shape, Sphere
+from sph.case.shapes import Box, Cylinder, Polygon, Shape, Sphere
 from sph.setup.rigid.rims import fastest_point
 from sph.setup.signed_distance import signed_distance
 
@@ -12,6 +12,7 @@ SHAPES = {
     "box": Shape(box=Box(low=(0.1, 0.2), high=(0.5, 0.3))),
     "disc": Shape(sphere=Sphere(centre=(0.3, 0.1), radius=0.2)),
     "strip": Shape(cylinder=Cylinder(base=(0.1, 0.1), top=(0.4, 0.5), radius=0.05)),
+    "wedge": Shape(polygon=Polygon(corners=((0.1, 0.1), (0.5, 0.2), (0.2, 0.4)))),
     "block": Shape(box=Box(low=(0.1, 0.2, 0.0), high=(0.5, 0.3, 0.3))),
     "ball": Shape(sphere=Sphere(centre=(0.3, 0.1, 0.2), radius=0.2)),
     "pipe": Shape(cylinder=Cylinder(base=(0.1, 0.1, 0.1), top=(0.4, 0.5, 0.3), radius=0.1)),

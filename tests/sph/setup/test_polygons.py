@@ -1,0 +1,118 @@
+"""Polygons of 2D scenes: sizes and distances, what is refused, and water at rest around them."""
+
+import numpy as np
+import pytest
+
+import sph
+from hpcpic.core.errors import ConfigError
+from sph.case import geometry
+from sph.case.shapes import Box, Polygon, Shape
+from sph.setup.rigid.mass import rigid_of
+from sph.setup.signed_distance import signed_distance
+
+ANVIL = ((0.0, 0.0), (1.0, 0.0), (0.7, 0.4), (1.2, 0.8), (-0.2, 0.9), (0.3, 0.4))  # which is hollow on both sides
+WATER = {"box": {"low": [0.0, 0.0], "high": [1.2, 0.6]}}
+BOX = {"low": [0.0, 0.0], "high": [1.2, 1.0], "open": ["y+"]}
+TANK = {"name": "tank", "shape": {"box": BOX}, "measure_force": True}
+
+
+def polygon(corners):
+    return Shape(polygon=Polygon(corners=tuple(map(tuple, corners))))
+
+
+def test_a_rectangle_is_a_box():
+    box, corners = Shape(box=Box(low=(1.0, 2.0), high=(3.0, 2.5))), [(1.0, 2.0), (3.0, 2.0), (3.0, 2.5), (1.0, 2.5)]
+    x = np.random.default_rng(1).uniform(0.0, 4.0, (4000, 2))
+    for shape in (polygon(corners), polygon(corners[::-1])):
+        np.testing.assert_allclose(signed_distance(shape, x), signed_distance(box, x), atol=1e-15)
+        for one, other in zip(vars(rigid_of(shape, 700.0)).values(), vars(rigid_of(box, 700.0)).values()):
+            np.testing.assert_allclose(one, other, rtol=1e-14, atol=1e-13 * np.abs(other).max())
+
+
+def test_the_mass_of_a_polygon_is_that_of_the_points_in_it():
+    shape, n = polygon(ANVIL), 1500
+    low, high = map(np.array, geometry.bounds(shape))
+    parts = np.stack(np.meshgrid(*[(np.arange(n) + 0.5) / n] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+    x = parts * (high - low) + low
+    inside = x[signed_distance(shape, x) < 0.0]
+    found, share = rigid_of(shape, 2.0), np.prod(high - low) / n**2
+    near = 1e-4  # of the cells that the sides cut
+    assert 2.0 * share * len(inside) == pytest.approx(found.mass, rel=near)
+    np.testing.assert_allclose(inside.mean(axis=0), found.centre[:2], atol=near)
+    about = inside - found.centre[:2]
+    assert 2.0 * share * np.sum(about**2) == pytest.approx(found.inertia[2, 2], rel=3 * near)
+
+
+def moved(corners, shift):
+    return [(x + shift, y - shift) for x, y in corners]
+
+
+def test_sizes_do_not_depend_on_the_place_the_first_corner_and_the_sense_of_rotation():
+    there = rigid_of(polygon(ANVIL), 1.0)
+    for corners in (ANVIL[::-1], ANVIL[2:] + ANVIL[:2], moved(ANVIL, 64.0)):
+        here = rigid_of(polygon(corners), 1.0)
+        assert here.mass == pytest.approx(there.mass, rel=1e-12)
+        np.testing.assert_allclose(here.inertia, there.inertia, atol=1e-12)
+    np.testing.assert_allclose(here.centre - there.centre, [64.0, -64.0, 0.0], atol=1e-12)
+
+
+def case(corners, water=WATER, walls=(TANK,), dimensions=2, **wall):
+    solid = {"name": "w", "solid": True, "measure_force": True, "shape": {"polygon": {"corners": corners}}, **wall}
+    return sph.Case(
+        simulation={"dimensions": dimensions, "end_time": 0.2}, gravity=[0.0, -9.81, 0.0][:dimensions],
+        fluid=[{"name": "water", "shape": water}], numerics={"spacing": 0.02}, wall=[*walls, solid],
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "corners, told",
+    [
+        ([[0.1, 0.1], [0.4, 0.1]], "three corners or more are needed (got 2)"),
+        ([[0.1, 0.1], [0.4, 0.1, 0.0], [0.4, 0.4]], "a corner has two numbers"),
+        ([[0.1, 0.1], [0.4, 0.1], [0.4, 0.4], [0.1, 0.1]], "the last is joined to the first (got [0.1, 0.1] twice)"),
+        ([[0.1, 0.1], [0.4, 0.4], [0.4, 0.1], [0.1, 0.4]], "those from [0.1, 0.1] and [0.4, 0.1] do"),
+        ([[0.1, 0.1], [0.4, 0.1], [0.2, 0.1]], "sides must not meet"),
+        ([[0.1, 0.1], [0.4, 0.1], [0.3, 0.2], [0.25, 0.1], [0.2, 0.3]], "sides must not meet"),
+    ],
+)
+def test_what_has_no_inside_is_refused(corners, told):
+    with pytest.raises(ConfigError) as error:
+        case(corners)
+    assert told in str(error.value) and "shape.polygon.corners" in str(error.value)
+
+
+def test_in_three_dimensions_a_file_gives_the_surface():
+    water = {"box": {"low": [0.0, 0.0, 0.0], "high": [0.4, 0.4, 0.4]}}
+    with pytest.raises(ConfigError, match="polygons are for 2D; in 3D an STL file"):
+        case([[0.1, 0.1], [0.4, 0.1], [0.4, 0.4]], water, (), dimensions=3)
+
+
+def test_water_at_rest_lifts_a_wedge_by_the_weight_of_what_it_displaces():
+    """At t = 0, off the lattice; 5 % are those of boxes there (test_sph_packing)."""
+    corners = [[0.607, 0.153], [0.807, 0.353], [0.407, 0.353]]
+    with case(corners).simulation(threads=1) as sim:
+        found = sim.scalars()
+        mass = float(sim.particles("water")["mass"].sum())
+    lift = 9810.0 * 0.04
+    assert mass == pytest.approx(1000.0 * (1.2 * 0.6 - 0.04), rel=1e-4)
+    assert found["force_w_y"] == pytest.approx(lift, rel=0.05) and abs(found["force_w_x"]) < 0.03 * lift
+
+
+def test_a_tank_with_sloping_sides_holds_its_water():
+    """Water in a trough, and a ramp on the floor of a tank: the walls bear the weight, and nothing goes to a side."""
+    trough = {"name": "t", "shape": {"polygon": {"corners": [[0.1, 0.05], [1.1, 0.05], [1.2, 1.0], [0.0, 1.0]]}}}
+    below = {"polygon": {"corners": [[0.1, 0.05], [1.1, 0.05], [1.15, 0.525], [0.05, 0.525]]}}
+    ramp = [[0.5, 0.0], [0.9, 0.0], [0.9, 0.3]]
+    hollow = {**trough, "measure_force": True}
+    for made, area in (
+        (case(ramp), 0.66),
+        (case([[2.0, 0.0], [2.1, 0.0], [2.0, 0.1]], below, (hollow,)), 0.49875),
+    ):
+        names = [wall.name for wall in made.config.wall]
+        with made.simulation(threads=1) as sim:
+            assert float(sim.particles("water")["mass"].sum()) == pytest.approx(1000.0 * area, rel=1e-4)
+            sim.advance(until=0.2)
+            found = sim.scalars()
+        down, aside = (sum(found[f"force_{name}_{axis}"] for name in names) for axis in "yx")
+        weight = 9810.0 * area
+        assert down == pytest.approx(-weight, rel=0.03) and abs(aside) < 0.02 * weight and not found["strays"]
