@@ -112,3 +112,9 @@ def test_the_faults_of_the_mutants_stand_in_the_sources(monkeypatch):
              if (ROOT / fault.file).read_text().count(fault.before) != 1]  # fmt: skip
     gone = {path for fault in mutate.faults() for path in fault.area.tests if not (ROOT / path.split("::")[0]).exists()}
     assert not stale and not gone, "bring scripts/mutate.txt up to date"
+
+
+def test_no_two_test_files_have_one_name():
+    """pytest imports them by their names alone: of two that are alike it reads the first and ends with an error."""
+    names = [file.name for file in (ROOT / "tests").rglob("test_*.py")]
+    assert sorted(names) == sorted(set(names))
