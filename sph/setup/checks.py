@@ -123,7 +123,7 @@ def shape_faults(shape: Shape, d: int) -> Iterator[Fault]:
     elif shape.plane and not any(shape.plane.normal):
         yield ("plane", "normal"), "must not be zero"
     elif shape.stl and d == 2:
-        yield ("stl",), "surfaces from STL files are for 3D"
+        yield ("stl",), "surfaces from STL files are for 3D; in 2D a polygon gives any outline"
     elif shape.stl:
         try:
             geometry.bounds(shape)
