@@ -70,7 +70,8 @@ def values_of(*functions: Callable) -> dict[str, str]:
             if callable(value):
                 left.append(value)
             elif words := _words(value):
-                found[name] = words
+                known = found.get(name, words)
+                found[name] = words if words == known else f"{known} and {words}"  # of two functions that call it alike
     return found
 
 

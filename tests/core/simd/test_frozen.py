@@ -114,3 +114,13 @@ def test_kept_kernels_and_restarts_know_a_number_that_stands_in_no_file(tmp_path
     refused = run("0.8", "-m", "lbmdem", "restart", "run", "--until", "0.06")
     assert refused.returncode == 2 and "'mine' was registered with weight = 1.0, and it is 0.8" in refused.stderr
     assert run("1.0", "-m", "lbmdem", "restart", "run", "--until", "0.06").returncode == 0
+
+
+@pytest.mark.parametrize("one, other", [(1.0, 3.0), (2.0, 1.0), (1.0, 1.0), (2.0, 2.0)])
+def test_values_of_one_name_in_two_functions_all_count(one, other):
+    def constant(k):
+        return lambda q, per_h: k * q * per_h
+
+    before = frozen.digest_of(constant(1.0), constant(2.0))
+    assert frozen.digest_of(constant(one), constant(other)) != before
+    assert frozen.digest_of(constant(1.0), constant(2.0)) == before
