@@ -53,9 +53,7 @@ class Plasma:
         self.spec = PushSpec.of(scene, scalars.moments())
         self.field_scale = self._field_scale()
         self._drivers = self._compiled_drivers()
-        self._before_turn = {
-            steps: np.ravel([species.before_turn(steps) for species in scene.species]) for steps in (-0.5, 1.0)
-        }
+        self._own = {steps: np.array([one.own_impulse(steps) for one in scene.species]) for steps in (-0.5, 1.0)}
         self.balance = Balance(world, self, self._take)
         self.lay_out(first_cuts(config, world.size))
         self.scalar_units = scalars.units(config)
@@ -71,7 +69,8 @@ class Plasma:
         scene = self.scene
         named = [(k, species.section.acceleration) for k, species in enumerate(scene.species)]
         sides = tuple(float(side) for side in scene.velocity_spacing)
-        return [driven_kernel(accelerations.compiled(name), k, scene.dimensions, sides) for k, name in named if name]
+        kernels, d = self.spec.kernels(), scene.dimensions
+        return [driven_kernel(accelerations.compiled(name), kernels, k, d, sides) for k, name in named if name]
 
     def lay_out(self, cuts: Sequence[int]) -> None:
         """Make what holds particles and fields, and what looks at them, for slabs with these cuts. Collective."""
@@ -142,8 +141,8 @@ class Plasma:
     def _drive(self, time: float, steps: float) -> None:
         """The impulse of accelerations of the user's own for so many steps, before the mover turns it."""
         if self._drives:
-            self.cloud.arena["moment"][:2] = time, self.time_step
-            self.cloud.arena["moment"][2:] = self._before_turn[steps]
+            self.cloud.arena["moment"][:] = time, self.time_step, steps
+            self.cloud.arena["own"][:] = self._own[steps]
             self.cloud.each(self._drives)
 
     def solve(self) -> None:

@@ -78,7 +78,8 @@ class Cloud:
             short=np.zeros(1, np.int64),
             most=np.zeros(1, np.int64),
             wants=self.near.wants,
-            moment=np.zeros(2 + 9 * self.n_species),
+            moment=np.zeros(3),
+            own=np.zeros((self.n_species, 3, 3, 3)),
             records=self._views(self.arena["records_bytes"]),
         )
         self.arena.group(

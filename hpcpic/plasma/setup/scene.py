@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.space.domain import wrap
 from hpcpic.core.space.elementary import sin
+from hpcpic.core.space.products import product
 from hpcpic.plasma.case import config as case
 from hpcpic.plasma.physics.boris import ABOUT_Z, impulse_across, part_of_turn, rotation_vectors, shears, turn
 from hpcpic.plasma.physics.poisson import operator_of
@@ -175,6 +176,16 @@ class SceneSpecies:
         halves = steps * (np.eye(3) + turn(*part_of_turn(self.rotation[0], steps)).T / 2)
         across, along = self.impulse_across(steps), np.outer(self.axis, self.axis)
         return across * halves + (1 - across) * steps * along
+
+    def own_impulse(self, steps: float) -> NDArray[np.float64]:
+        """(M, P, N)[3, 3, 3] of an acceleration a of the user's own in an impulse of so many steps: M as `before_turn`
+        gives it, and P v- + N a dt, the mean of the velocities before and after the turn, with half of a dt each.
+        """
+        before, turned = self.before_turn(steps), turn(*part_of_turn(self.rotation[0], steps))
+        mean, share = np.eye(3) + turned / 2, (before + product(turned, before)) / 2
+        missing = self.scene.velocity_components
+        mean[missing:], share[missing:] = 0, 0
+        return np.stack([before, mean, share])
 
     def positions(self, ids: NDArray) -> NDArray[np.float64]:
         """Positions[n, d] in m, in [0, L), of particles ids[n] of this species at t = 0."""
