@@ -14,7 +14,7 @@ import pytest
 from simulation import Rows, Simulation, case_text, mode_along, positions, quiet_maxwellians, velocities
 
 from hpcpic.plasma.analysis import theory
-from hpcpic.plasma.analysis.predictions import beams, mesh_of, predict
+from hpcpic.plasma.analysis.predictions import beams_along_x, mesh_of, predict
 from hpcpic.plasma.analysis.series_analysis import fit_oscillation, peaks, signed, temperature
 from hpcpic.plasma.analysis.theory import Beam
 from hpcpic.plasma.step import Plasma
@@ -170,7 +170,7 @@ def test_cold_two_stream_roots(simulate, x):
     text = case_text(species, k=k, cells=128, dt=0.05, time=min(6.0 / gamma, 40.0))
     done = simulate(text, look=mode_along(0, 1))
     rate, frequency = _growth_and_frequency(np.array(done.seen), stride=20, dt=0.05)
-    beam_pair, mesh = beams(done.config), mesh_of(done.config)
+    beam_pair, mesh = beams_along_x(done.config), mesh_of(done.config)
     growing = theory.mesh_root(1j * gamma, k, beam_pair, mesh)
     real = theory.mesh_root(theory.cold_roots(k, beam_pair).real.max(), k, beam_pair, mesh)
     name = f"cold two-stream, k v0 = {x:.3f} wb"

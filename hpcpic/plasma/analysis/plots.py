@@ -41,7 +41,7 @@ from hpcpic.plasma.analysis.particle_plots import (
 from hpcpic.plasma.analysis.predictions import (
     Compared,
     Prediction,
-    beams,
+    beams_along_x,
     compare_mode,
     compare_parts,
     config_of,
@@ -229,7 +229,7 @@ def spectrum(run: Run, step: int | None = None) -> Figure:
     name = next((n for n in ("E", "phi") if n in snapshots.names), None)
     if name is None or len(snapshots.steps) < 16 or len(set(np.diff(snapshots.steps))) > 1:
         raise NoData("needs 16 snapshots of E or phi at equal intervals (output.every.fields)")
-    species = beams(config_of(run))
+    species = beams_along_x(config_of(run))
     wp = total_frequency(species) or 1.0
     dt = float(abs(snapshots.times[1] - snapshots.times[0]))
     if np.pi / dt < 1.5 * wp:
@@ -260,7 +260,7 @@ def _branches(config: PlasmaConfig, waves: np.ndarray, high: float) -> tuple[lis
     root while damping is weak, Bernstein's across a magnetic field; by the field equation, and as seen from the box
     where the species drifts. None where the field is oblique or too weak to see.
     """
-    operator, still = operator_of(config), beams(config)
+    operator, still = operator_of(config), beams_along_x(config)
     found: list[tuple[float, float]] = []
     if not still or operator.b:
         return [], []
@@ -335,7 +335,7 @@ def _fields_1d(run: Run, snapshots: Fields, number: int) -> Figure:
             top.axhline(snapshots.times[number], color=INK, linewidth=0.8)
             top.grid(visible=False)
             figure.colorbar(mesh, ax=top, label=axis_label(shown, snapshots.units[shown]), pad=0.02)
-            wp = total_frequency(beams(config_of(run)))
+            wp = total_frequency(beams_along_x(config_of(run)))
             coarse = wp * float(np.abs(np.diff(snapshots.times[:2])).max()) > np.pi
             title = "Field, in snapshots too rare for its swing" if coarse else "Field in space and time"
             top.set(ylabel="time, s", title=title, xlim=(0, length))

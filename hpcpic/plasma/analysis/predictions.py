@@ -15,7 +15,7 @@ from hpcpic.plasma.analysis import series_analysis, theory
 from hpcpic.plasma.analysis.theory import Beam, Mesh
 from hpcpic.plasma.case.config import PlasmaConfig
 from hpcpic.plasma.configure import configure
-from hpcpic.plasma.forecast.recurrence import waves_of
+from hpcpic.plasma.forecast.recurrence import beams_along, waves_of
 from hpcpic.plasma.forecast.scales import plasma_frequency, spacing
 from hpcpic.plasma.physics.dispersion import total_frequency
 from hpcpic.plasma.physics.poisson import operator_of, response
@@ -48,23 +48,19 @@ def config_of(run: Run) -> PlasmaConfig:
     return configure(loads(run.config, run.config_file))
 
 
-def beams(config: PlasmaConfig, axis: int = 0) -> tuple[Beam, ...]:
-    """The species as Maxwellian beams along an axis; two for a species that starts as two."""
-    found: list[Beam] = []
+def beams_of(config: PlasmaConfig, k: NDArray[np.float64]) -> tuple[Beam, ...]:
+    """The species as Maxwellian beams along a wave vector[d]; none where parts of one differ in spread by axis."""
     for species in config.species:
-        wp = plasma_frequency(config, species)
-        if not wp:
-            continue
-        populations = loader_of(species).populations(species, axis)
-        found += [Beam(wp * math.sqrt(part.share), part.mean, part.spread) for part in populations]
-    return tuple(found)
+        axes = [loader_of(species).populations(species, axis) for axis in np.flatnonzero(k).tolist()]
+        spreads = [[axis[j % len(axis)].spread for axis in axes] for j in range(max(map(len, axes)))]
+        if any(min(of_a_part) < max(of_a_part) for of_a_part in spreads):
+            return ()
+    share = (k / np.linalg.norm(k)).tolist()
+    return tuple(beam for species in config.species for beam in beams_along(config, species, share))
 
 
-def beams_along(config: PlasmaConfig, k: NDArray[np.float64]) -> tuple[Beam, ...]:
-    """The species as beams along a wave vector[d]; none where they drift and k is along no axis, or differ by axis."""
-    first, *others = (beams(config, axis) for axis in np.flatnonzero(k).tolist())
-    oblique = bool(others) and (any(b.drift for b in first) or any(other != first for other in others))
-    return () if oblique else first
+def beams_along_x(config: PlasmaConfig) -> tuple[Beam, ...]:
+    return beams_of(config, np.eye(config.dimensions)[0])
 
 
 def mesh_of(config: PlasmaConfig) -> Mesh:
@@ -90,7 +86,7 @@ class Wave:
 
     @property
     def still(self) -> bool:
-        return all(beam.drift == 0.0 for beam in self.beams)
+        return not any(any(beam.velocity) for beam in self.beams)
 
 
 def wave_of(config: PlasmaConfig, mode: Sequence[int]) -> Wave | None:
@@ -100,7 +96,7 @@ def wave_of(config: PlasmaConfig, mode: Sequence[int]) -> Wave | None:
     sign = next(n for n in mode if n) // abs(next(n for n in mode if n))  # k and -k are one wave
     waves = np.pad(mode, (0, config.dimensions - len(mode)))
     k = 2.0 * math.pi * sign * waves / np.array(config.simulation.space_length)
-    found, operator = beams_along(config, k), operator_of(config)
+    found, operator = beams_of(config, k), operator_of(config)
     if not found or any(operator.along("xyz"[axis])[1] for axis in np.flatnonzero(k)):
         return None
     dx, radius, spectral = spacing(config), config.numerics.cloud_radius, mesh_of(config).spectral

@@ -206,7 +206,7 @@ def mesh_factors(k: ArrayLike, mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
 
 def mesh_susceptibility(omega: complex, k: ArrayLike, beams: Sequence[Beam], mesh: Mesh) -> complex:
     """Response of the scheme to its own field; 1 = mesh_susceptibility is its dispersion, exact in dx and dt. Beams
-    drift along k.
+    without a velocity of their own drift along k.
 
     A kick displaces by s dt after s steps, and a Maxwellian forgets it as exp(-(|k_p| vth s dt)^2/2):
     - wp^2 dt^2 sum_p F_p sum_s s exp(i (omega - k_p.v) s dt) exp(-(|k_p| vth s dt)^2/2).
@@ -217,7 +217,7 @@ def mesh_susceptibility(omega: complex, k: ArrayLike, beams: Sequence[Beam], mes
     along, sizes = waves @ direction, np.linalg.norm(waves, axis=1)
     total = 0.0 + 0.0j
     for beam in beams:
-        phase = (omega - along * beam.drift) * mesh.dt
+        phase = (omega - (waves @ beam.velocity if beam.velocity else along * beam.drift)) * mesh.dt
         slowest = sizes.min() * beam.thermal_velocity * mesh.dt
         if slowest < LEAST_SPREAD:
             response = 1.0 / (4.0 * np.sin(0.5 * phase) ** 2)

@@ -30,6 +30,7 @@ from hpcpic.core.case.schema import (
 from hpcpic.core.case.words import last_side
 from hpcpic.core.files.start import Start, arrays, attach_arrays, attached_arrays
 from hpcpic.plasma.case import units
+from hpcpic.plasma.case.not_there import Group
 from hpcpic.plasma.case.older_words import drift_warnings, modernised
 
 Names = Annotated[tuple[str, ...], BeforeValidator(as_tuple)]
@@ -48,7 +49,7 @@ MOST_BLOCKS = 4096  # of a rank: tables of what each hands to each grow with the
 MOST_POINTS = 2**31 - 1  # of an axis: FFTW counts so far
 
 
-class Simulation(Section):
+class Simulation(Group):
     dimensions: Filled[Literal[1, 2, 3]] = setting(None, "1, 2 or 3; by default as many as space_length has")
     solver: Literal["MFT", "LU"] = setting(
         "MFT", "field solver: multiple Fourier transform, or LU for small grids"
@@ -68,7 +69,7 @@ class Simulation(Section):
     )
 
 
-class Grid(Section):
+class Grid(Group):
     points: Filled[Counts] = setting(
         None, "grid points, [Nx], [Nx, Ny] or [Nx, Ny, Nz]", min_length=1, max_length=3
     )
@@ -96,7 +97,7 @@ class Equation(Section):
     f: float = setting(0.0, "factor of phi, added to c", "1/m2")
 
 
-class FieldSection(Section):
+class FieldSection(Group):
     magnetic: Vector = setting((0.0, 0.0, 0.0), "uniform background magnetic field [Bx, By, Bz]", "T")
     electric: Vector = setting((0.0, 0.0, 0.0), "uniform external electric field [Ex, Ey, Ez]", "V/m")
     equation: Equation = Equation()
@@ -118,7 +119,7 @@ class Perturbation(Section):
     velocity_amplitude: float = setting(0.0, "velocities change by b sin(k.x) along k", "m/s")
 
 
-class Species(Section):
+class Species(Group):
     name: str = setting("", "name in the output; by default species_1, species_2, ...")
     particles: Filled[int] = setting(None, "number of macro-particles", ge=0, le=MOST_PARTICLES)
     particles_per_cell: float | None = setting(None, "number of macro-particles per cell, in place of particles", gt=0)
@@ -244,7 +245,7 @@ class Output(Section):
     openpmd: bool = setting(False, "write snapshots as openPMD too")
 
 
-class Numerics(Section):
+class Numerics(Group):
     shape: Literal["NGP", "CIC", "TSC"] = setting("CIC", "particle shape: order 0, 1 (the thesis) or 2")
     gradient: Literal["difference", "spectral"] = setting(
         "difference", "E = -grad phi by (5.13), or by ik and k^2"
@@ -261,7 +262,7 @@ class Numerics(Section):
     reproducible: Literal[True] = setting(True, "same bits for any ranks, threads and task blocks")
 
 
-class PlasmaConfig(Section):
+class PlasmaConfig(Group):
     """A whole plasma case."""
 
     ignored: ClassVar[tuple[str, ...]] = (

@@ -73,13 +73,14 @@ def recurrence_times(config: PlasmaConfig, species: Species, mode: Sequence[int]
 
 def beams_along(config: PlasmaConfig, species: Species, share: Sequence[float]) -> list[Beam]:
     """The parts of a species as beams along a unit vector[d]."""
-    axes = [loader_of(species).populations(species, axis) for axis in range(config.dimensions)]
+    axes = {axis: loader_of(species).populations(species, axis) for axis, c in enumerate(share) if c}
     found, wp = [], plasma_frequency(config, species)
-    for j in range(max(map(len, axes)) if wp else 0):
-        parts = [populations[j % len(populations)] for populations in axes]  # what does not drift there is one part
-        drift = sum(c * part.mean for c, part in zip(share, parts))
-        spread = math.hypot(*(c * part.spread for c, part in zip(share, parts)))
-        found.append(Beam(wp * math.sqrt(min(part.share for part in parts)), drift, spread))
+    for j in range(max(map(len, axes.values())) if wp else 0):
+        parts = {axis: listed[j % len(listed)] for axis, listed in axes.items()}  # what does not drift there is one
+        drift = sum(share[axis] * part.mean for axis, part in parts.items())
+        spread = math.hypot(*(share[axis] * part.spread for axis, part in parts.items()))
+        velocity = tuple(parts[axis].mean if axis in parts else 0.0 for axis in range(len(share)))
+        found.append(Beam(wp * math.sqrt(min(part.share for part in parts.values())), drift, spread, velocity))
     return found
 
 

@@ -20,11 +20,15 @@ class NoRoot(ArithmeticError):
 
 @dataclass(frozen=True, slots=True)
 class Beam:
-    """A Maxwellian (or, without spread, cold) species; thermal velocity is the standard deviation along k."""
+    """A Maxwellian (or, without spread, cold) species; drift along k, thermal velocity the standard deviation along k.
+
+    velocity[d]: the whole drift along the axes of the grid, where it is not along k: aliases of a wave feel it.
+    """
 
     plasma_frequency: float
     drift: float = 0.0
     thermal_velocity: float = 0.0
+    velocity: tuple[float, ...] = ()
 
 
 def total_frequency(beams: Sequence[Beam]) -> float:

@@ -327,6 +327,22 @@ def test_an_oblique_wave_dies_by_its_wave_number_and_the_closed_form_of_a_cold_o
     assert random.omega_mesh.real == pytest.approx(exact, rel=1e-6) != lattice.real
 
 
+def test_a_beam_aslant_of_the_wave_obeys_the_law_of_its_drift_along_it():
+    """None was known. On fine cells the root is that of the beam's component along k, and (k dx)^2 off on coarser ones;
+    what drifts across k shows on them alone, by the aliases.
+    """
+    sets = [f"species[{i}].{key}" for i, v in ((0, [0.7, 0.1]), (1, [-0.7, -0.1]))
+            for key in (f"drift_velocity={v}", "perturbation.mode=[2, 1]")]  # fmt: skip
+    sets += [f"simulation.space_length=[{6 * math.pi}, {4 * math.pi}]", "simulation.time_step=0.002"]
+    k = np.array([2 / 3, 1 / 2])
+    along = float(k @ (0.7, 0.1) / np.linalg.norm(k))
+    root = theory.unstable_root(np.linalg.norm(k), [theory.Beam(0.5**0.5, v) for v in (along, -along)])
+    found = [predictions.predict(case("two-stream-cold", *sets, f"grid.points=[{n}, {n}]"), (2, 1)) for n in (32, 64)]
+    assert {law.law for law in found} == {"two-stream"} and [law.omega for law in found] == pytest.approx([root] * 2)
+    off, less = (abs(law.omega_mesh - root) / abs(root) for law in found)
+    assert off == pytest.approx(4 * less, rel=0.2) and 1e-3 < off < 0.1
+
+
 @pytest.mark.parametrize(
     "mass, perturbed, known", [(1836.0, "", True), (100.0, "", False), (1836.0, "amplitude", False)]
 )

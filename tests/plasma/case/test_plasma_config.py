@@ -283,6 +283,11 @@ def test_all_bad_settings_are_told_at_once_with_their_places():
         ("numerics.reproducible=false", "numerics.reproducible: must be true"),
         ("numerics.shape=PQS", "numerics.shape: must be 'NGP', 'CIC' or 'TSC' (got 'PQS')"),
         ("simulation.random_seed=-1", "simulation.random_seed: must be greater than or equal to 0"),
+        ("simulation.boundary=open", "simulation.boundary: unknown key; the box is periodic along every axis"),
+        ("walls=1", "walls: unknown key; the box is periodic along every axis"),
+        ("species[0].bc=1", "species[0].bc: unknown key; the box is periodic along every axis"),
+        ("species[0].collisions=1", "species[0].collisions: unknown key; particles collide with no gas"),
+        ("species[0].B=1", "species[0].B: unknown key; the magnetic field is field.magnetic"),
     ],
 )
 def test_settings_that_do_not_fit_are_refused(assignment, message):
