@@ -280,7 +280,10 @@ class _Run:
             return "finished", 0, ""
         if verdict.reason is Reason.MEAN_KNOWN:
             return "finished", 0, verdict.reason.text
-        return "stopped", 5, f"{verdict.reason.text}; go on with: {self.options.replay}"
+        why = verdict.reason.text
+        if verdict.reason is Reason.WALL and step == self.first:  # a job that is submitted again would never end
+            why += f" came before the first step: the start alone took {time.monotonic() - self.options.started:.1f} s"
+        return "stopped", 5, f"{why}; go on with: {self.options.replay}"
 
     def facts(
         self, status: str, code: int, reason: str, loop_seconds: float, loop_compiling: float

@@ -114,6 +114,7 @@ def test_wall_limit_ends_before_it(toy):
 def test_wall_limit_shorter_than_the_start_still_leaves_a_checkpoint(toy):
     done = toy(*RUN_A, "--wall", "0", steps=100000)
     assert done.returncode == 5, done.stderr
+    assert "came before the first step: the start alone took" in done.stdout
     assert toy.checkpoints("a") == [0]
 
 
