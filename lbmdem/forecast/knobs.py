@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hpcpic.core.app.knobs import Choice, Knob, Knobs, Quantity, Seen, reseeded
-from hpcpic.core.case.dump import group_lines
+from hpcpic.core.case.dump import dump
 from hpcpic.core.case.texts import value_text
 from hpcpic.core.study.quantities import at_end, grown, interval, mean, reduced
 from lbmdem.case.config import AXES, LbmDemConfig, seeps
@@ -166,7 +166,8 @@ def fitting(config: LbmDemConfig, wanted: float) -> tuple[float, tuple[str, ...]
     box = [round(n) * spacing for n in counts]
     words: tuple[str, ...] = (f"domain.size={box!r}",)
     if planes:
-        given = [f"{{ {' '.join(line.partition('  #')[0] for line in group_lines(o, ''))} }}" for o in config.obstacle]
+        lines = ([line.partition("  #")[0] for line in dump(obstacle).splitlines()] for obstacle in config.obstacle)
+        given = [f"{{ {' '.join(own)} }}" for own in lines]
         words += (f"obstacle=({', '.join([*given, *planes])})",)
     return spacing, words
 

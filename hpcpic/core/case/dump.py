@@ -1,35 +1,44 @@
 """A configuration as the text of a case file."""
 
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
+
+from hpcpic.core.case.config import Path, dotted
 from hpcpic.core.case.schema import Section, section_of, unit_of
 from hpcpic.core.case.texts import value_text
 
-
-def dump(config: Section) -> str:
-    """libconfig text with every default filled in, which reads back to the same configuration."""
-    return "\n".join(group_lines(config, "")) + "\n"
+Comments = Mapping[str, str]
 
 
-def group_lines(config: Section, indent: str) -> list[str]:
-    lines = []
+def dump(config: Section, comments: Comments = MappingProxyType({})) -> str:
+    """libconfig text with every default filled in, which reads back to the same configuration.
+
+    comments: key ("species[0].particles") -> what stands behind its value, after the unit.
+    """
+    return "\n".join(_group(config, (), comments)) + "\n"
+
+
+def _group(config: Section, path: Path, comments: Comments) -> Iterator[str]:
+    """Lines of the settings of a group."""
     for name, field in type(config).model_fields.items():
-        value = getattr(config, name)
+        value, key = getattr(config, name), (*path, name)
         if value is None:
             continue
         if isinstance(value, Section):
-            inner = group_lines(value, indent + "  ")
+            inner = _indented(_group(value, key, comments))
             if inner or field.default is None:  # a group that may be missing says something by being there
-                lines += [f"{indent}{name} = {{", *inner, f"{indent}}};"]
+                yield from (f"{name} = {{", *inner, "};")
         elif isinstance(value, tuple) and section_of(field):
-            lines += [f"{indent}{name} = (", *list_lines(value, indent + "  "), f"{indent});"]
+            yield from (f"{name} = (", *_indented(_list(value, key, comments)), ");")
         else:
-            comment = f"  # {unit_of(field)}" if unit_of(field) else ""
-            lines.append(f"{indent}{name} = {value_text(value)};{comment}")
-    return lines
+            words = ", ".join(filter(None, (unit_of(field), comments.get(dotted(key)))))
+            yield f"{name} = {value_text(value)};{f'  # {words}' if words else ''}"
 
 
-def list_lines(groups: tuple[Section, ...], indent: str) -> list[str]:
-    lines = []
+def _list(groups: tuple[Section, ...], path: Path, comments: Comments) -> Iterator[str]:
     for i, group in enumerate(groups):
-        comma = "," if i + 1 < len(groups) else ""
-        lines += [f"{indent}{{", *group_lines(group, indent + "  "), f"{indent}}}{comma}"]
-    return lines
+        yield from ("{", *_indented(_group(group, (*path, i), comments)), "}," if i + 1 < len(groups) else "}")
+
+
+def _indented(lines: Iterator[str]) -> list[str]:
+    return [f"  {line}" for line in lines]

@@ -15,20 +15,21 @@ from hpcpic.core.case.dump import dump
 from hpcpic.core.errors import CheckFailed
 from hpcpic.core.files.rundir import write_atomic, write_json
 from hpcpic.core.study.error_models import slope
-from hpcpic.core.study.recommend import Proposal, Recommendation, Verified
+from hpcpic.core.study.proposals import Proposal
+from hpcpic.core.study.recommend import Recommendation, Verified
 from hpcpic.core.study.search import Search
 
 ERRORS = (0.1, 0.05, 0.02, 0.01, 5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4)
 
 
-def front(made: Recommendation) -> list[Proposal]:
+def front(recommendation: Recommendation) -> list[Proposal]:
     """The cheapest settings for a row of errors, down to what the reference is known to."""
     found: list[Proposal] = []
     for error in ERRORS:
-        if error < 2.0 * made.search.uncertainty:
+        if error < 2.0 * recommendation.search.uncertainty:
             break
         try:
-            proposal = made.propose(error)
+            proposal = recommendation.proposals.propose(error)
         except CheckFailed:
             break
         if not found or proposal.cost > 1.01 * found[-1].cost:
@@ -39,7 +40,7 @@ def front(made: Recommendation) -> list[Proposal]:
 
 
 def measured(search: Search) -> list[tuple[str, float, float, float]]:
-    """(folder, error, seconds, work) of every pilot of the quantity that lies above the reference's own error."""
+    """(folder, error, seconds, work) of every pilot whose error is larger than the uncertainty of the reference."""
     rows = []
     for pilot in search.pilots.done.values():
         try:
@@ -74,7 +75,7 @@ def write(
 def facts(
     search: Search, points: list[Proposal], verified: Verified | None, refusal: str, tolerance: float | None
 ) -> dict[str, Any]:
-    """All that was found, for programs."""
+    """Laws, front and recommendation, as tradeoff.json holds them."""
     laws = search.laws.values()
     shown = {knob.name: knob.shown for knob in search.knobs}
     return {
@@ -105,14 +106,14 @@ def facts(
             }
             for law in laws
         },
-        "front": [_told(search, point) for point in points],
+        "front": [_proposal(search, point) for point in points],
         "tolerance": tolerance,
         "refusal": refusal,
         "recommended": None if verified is None else _verified(search, verified),
     }
 
 
-def _told(search: Search, proposal: Proposal) -> dict[str, Any]:
+def _proposal(search: Search, proposal: Proposal) -> dict[str, Any]:
     return {
         "bound": proposal.bound,
         "cost": proposal.cost,
@@ -126,9 +127,9 @@ def _verified(search: Search, verified: Verified) -> dict[str, Any]:
     settings = search.pilots.assignments(
         verified.proposal.sizes, search.pilots.knobs.time, verified.proposal.scheme.others
     )
-    return _told(search, verified.proposal) | {
+    return _proposal(search, verified.proposal) | {
         "error": verified.error,
-        "field": verified.field if np.isfinite(verified.field) else None,
+        "field": verified.field_error if np.isfinite(verified.field_error) else None,
         "certified": verified.certified,
         "neighbours": dict(verified.neighbours),
         "seconds": verified.pilot.seconds,
@@ -194,31 +195,4 @@ def write_case(search: Search, verified: Verified, tolerance: float, path: Path)
         f"# source: tradeoff; off by {percent(verified.error)} from a reference known to "
         f"{percent(search.uncertainty)}, by runs until t = {quantity.time:.4g} of {pilots.knobs.time:.4g} s\n"
     )
-    write_atomic(path, head + commented(dump(config), comments))
-
-
-def commented(text: str, comments: dict[str, str]) -> str:
-    """The lines of a dumped case with comments at their keys (dotted, as species[0].particles)."""
-    path: list[str] = []
-    counts: list[int] = []
-    lines = []
-    for line in text.splitlines():
-        word = line.strip()
-        name = word.partition(" ")[0]
-        if word.endswith(("= {", "= (")):
-            path.append(name)
-            if word.endswith("("):
-                counts.append(-1)
-        elif word == "{":
-            counts[-1] += 1
-            path.append(f"[{counts[-1]}]")
-        elif word.startswith(("}", ")")):
-            path.pop()
-            if word.startswith(")"):
-                counts.pop()
-        else:
-            comment = comments.get(".".join([*path, name]).replace(".[", "["))
-            if comment:
-                line = f"{line}{',' if '#' in line else '  #'} {comment}"
-        lines.append(line)
-    return "\n".join(lines) + "\n"
+    write_atomic(path, head + dump(config, comments))

@@ -198,6 +198,14 @@ def test_dump_reads_back_to_the_same_configuration(model):
     assert validate(Model, loads(dump(model))) == model
 
 
+def test_comments_stand_at_their_keys_after_the_unit():
+    model = Model(group=Group(), part=(Part(mass=1.0), Part(mass=2.0)))
+    lines = dump(model, {"title": "top", "group.count": "inner", "part[1].mass": "second"}).splitlines()
+    found = {line.strip() for line in lines if "#" in line}
+    assert {'title = "";  # top', "count = 3;  # inner", "mass = 2.0;  # kg, second", "mass = 1.0;  # kg"} <= found
+    assert sum("second" in line for line in lines) == 1
+
+
 def test_describe_lists_type_unit_default_and_limits():
     rows = {row.key: row for row in describe(Model)}
     assert list(rows)[:3] == ["title", "group.count", "group.colour"]
