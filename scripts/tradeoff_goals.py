@@ -76,14 +76,14 @@ def measure(app: Any, case: str, folder: Path, own_scheme: bool = False, recorde
     quantity = chosen_quantity(app, read.config, app.knobs(read.config), said[1] if said else None)
     started = time.perf_counter()
 
-    def search(wanted: float, sets: tuple[str, ...] = (), brief: bool = True) -> tuple[Search, Record]:
+    def search(wanted: float, sets: tuple[str, ...] = (), trust_theory: bool = True) -> tuple[Search, Record]:
         start = read_case(app, case, sets)
         knobs = app.knobs(start.config)
         pilots = Pilots(app, start, sets, knobs, folder, (1, 1))
         record = Record(app.name, start, knobs, quantity)
-        hints = record.hints(pilots.sizes_of(start.config), wanted) if recorded and brief else {}
+        hints = record.hints(pilots.sizes_of(start.config), wanted) if recorded and trust_theory else {}
         choices = () if own_scheme else knobs.choices
-        return Search(pilots, knobs.knobs, choices, quantity, wanted, brief=brief, hints=hints), record
+        return Search(pilots, knobs.knobs, choices, quantity, wanted, trust_theory=trust_theory, hints=hints), record
 
     def tried(tolerance: float, sets: tuple[str, ...] = ()) -> tuple[Recommendation, Verified | None, dict[str, Any]]:
         one, record = search(tolerance, sets)
@@ -107,7 +107,7 @@ def measure(app: Any, case: str, folder: Path, own_scheme: bool = False, recorde
         made = [sought(tolerance) for tolerance in tolerances]
         finest = made[-1][0].search
         truth = true_value(finest, [run.proposal.sizes for _, run, _ in made if run])
-        whole = finest if said else search(tolerances[-1], brief=False)[0]
+        whole = finest if said else search(tolerances[-1], trust_theory=False)[0]
         result["orders"] = {n: (w.order, w.theory, w.asymptotic) for n, w in whole.laws.items() if not w.idle}
         result["truth"], result["own_error"] = truth.tolist(), norm(finest.value - truth) / norm(truth)
         result["rows"] = [row(*one, truth, tolerance) for one, tolerance in zip(made, tolerances)]
@@ -140,10 +140,10 @@ def row(
         "what": f"{'certified' if verified.certified else 'marked'}, {kept}",
         "error": error,
         "said": verified.error,
-        "field": verified.field,
+        "field": verified.field_error,
         "seconds": one.base.seconds / verified.pilot.seconds,
         "work": one.base.work / verified.pilot.work,
-        "settings": made.text(verified.proposal),
+        "settings": made.proposals.text(verified.proposal),
         "warnings": verified.warnings,
     }
 
@@ -162,9 +162,9 @@ def true_value(search: Search, recommended: list[Any]) -> np.ndarray:
         sizes, left = {}, np.zeros_like(search.value)
         for knob in search.knobs:
             law, name = search.laws[knob.name], knob.name
-            least = min([sizes[name] for sizes in recommended], default=search.own[name])
+            least = min([sizes[name] for sizes in recommended], default=search.case_sizes[name])
             matters = law.bound(least) > MATTERS
-            least = min(least, search.own[name]) if matters else least
+            least = min(least, search.case_sizes[name]) if matters else least
             sizes[name] = least / (FINER.get(knob.order, 2.0) ** part if matters else 1.0)
             left += law.signed * (sizes[name] / law.here) ** law.used if law.asymptotic and not law.idle else 0.0
         work = search.pilots.knobs.work(search.pilots.config(sizes, search.quantity.time, {}))
@@ -179,10 +179,10 @@ def equal(search: Search) -> dict[str, Any]:
     made = Recommendation(search)
     bound = sum(law.bound(law.here) for law in search.laws.values()) + search.floor
     try:
-        proposal = made.propose(bound)
+        proposal = made.proposals.propose(bound)
         pilot = search.pilot(proposal.sizes, proposal.scheme.others, "as good as the case")
         while (error := search.error(search.measured(pilot))) > bound and pilot.work < search.base.work:
-            proposal = made.nearer(proposal, 0.5)
+            proposal = made.proposals.nearer(proposal, 0.5)
             pilot = search.pilot(proposal.sizes, proposal.scheme.others, "as good as the case")
     except CheckFailed as failure:
         return {"bound": bound, "refused": failure.message}

@@ -52,7 +52,7 @@ class Axis:
         return self.number.stable_below if math.isfinite(self.number.stable_below) else self.number.stable_above
 
     def over(self, numbers: Mapping[str, Derived]) -> float:
-        """What x is of a case with these derived numbers."""
+        """x of a case with these derived numbers."""
         assert self.number is not None
         value = numbers[self.number.name].value
         return value / self.theory if math.isfinite(self.number.stable_below) else self.theory / value
@@ -83,32 +83,32 @@ class Limits:
 
     def __init__(self, pilots: Pilots, knobs: Knobs) -> None:
         self.pilots, self.knobs = pilots, knobs
-        self.own = pilots.sizes_of(pilots.read.config)
+        self.case_sizes = pilots.sizes_of(pilots.read.config)
 
     def axis(self, knob: Knob, beside: Mapping[str, float] | None = None) -> Axis:
         """The scale of a knob, with the other knobs at `beside` or as in the case."""
         others = beside or {}
         here = self.number(knob, others)
         if here is None:
-            return Axis(knob, None, self.own[knob.name], 1.0)
-        there = self.number(knob, {**others, knob.name: 1.25 * self.own[knob.name]})
+            return Axis(knob, None, self.case_sizes[knob.name], 1.0)
+        there = self.number(knob, {**others, knob.name: 1.25 * self.case_sizes[knob.name]})
         assert there is not None
-        config = self.config({**others, knob.name: 1.25 * self.own[knob.name]})
-        ratio = knob.size(config) / self.own[knob.name]
+        config = self.config({**others, knob.name: 1.25 * self.case_sizes[knob.name]})
+        ratio = knob.size(config) / self.case_sizes[knob.name]
         power = math.log(there.value / here.value) / math.log(ratio) if here.value > 0 else 0.0
         if abs(power) < 0.1:
             raise CheckFailed(f"{knob.name} does not change {here.name} {here.symbol}, which has the limit")
         below = math.isfinite(here.stable_below)
         x = here.value / here.stable_below if below else here.stable_above / here.value
         power = power if below else -power
-        axis = Axis(knob, here, self.own[knob.name] * x ** (-1.0 / power), power)
+        axis = Axis(knob, here, self.case_sizes[knob.name] * x ** (-1.0 / power), power)
         return replace(axis, at_one=self.end(axis, others))
 
     def end(self, axis: Axis, others: Mapping[str, float]) -> float:
         """The size at which theory ends stability: that of x = 1, but where the number rises faster than a power of the
         size, as that of a plasma's step with an exact phase, which is refused from half a turn on.
         """
-        low, high = self.own[axis.knob.name], axis.at_one
+        low, high = self.case_sizes[axis.knob.name], axis.at_one
         middle = math.sqrt(low * high)
         if axis.power < 0.0 or low >= high or all(self.straight(axis, others, size) for size in (middle, high)):
             return high
@@ -131,7 +131,7 @@ class Limits:
         return {number.name: number for number in self.pilots.app.derived(config, self.pilots.shape[0])}
 
     def config(self, sizes: Mapping[str, float]) -> Any:
-        return self.pilots.config({**self.own, **sizes}, self.knobs.horizon, {})
+        return self.pilots.config({**self.case_sizes, **sizes}, self.knobs.horizon, {})
 
     def number(self, knob: Knob, sizes: Mapping[str, float]) -> Derived | None:
         """The derived number that limits the knob, if it has a limit of stability."""
@@ -142,7 +142,7 @@ class Limits:
     def run(self, sizes: Mapping[str, float], longer: float = 1.0, seed: int | None = None, words: str = "") -> Pilot:
         more = self.knobs.seed(seed) if self.knobs.seed and seed is not None else ()
         time = longer * self.knobs.horizon
-        return self.pilots.run({**self.own, **sizes}, time, None, more, ("--beyond-limits",), words)
+        return self.pilots.run({**self.case_sizes, **sizes}, time, None, more, ("--beyond-limits",), words)
 
     def growth(self, pilot: Pilot) -> float:
         """Factor by which the watched quantity has grown; infinite when the run diverged. Raises CheckFailed."""
@@ -184,7 +184,7 @@ class Limits:
 
     def rates(self, axis: Axis) -> list[tuple[float, float]]:
         """(size, growth rate in 1/s) about the case's own size, over the longer horizon."""
-        wanted = (min(factor * self.own[axis.knob.name], axis.knob.largest) for factor in (1.0, 2.0, 4.0, 8.0))
+        wanted = (min(factor * self.case_sizes[axis.knob.name], axis.knob.largest) for factor in (1.0, 2.0, 4.0, 8.0))
         found = {axis.knob.size(self.config({axis.knob.name: size})): 0.0 for size in wanted}  # some sizes end early
         for size in found:
             grown = self.growth(self.run({axis.knob.name: size}, LONGER, words="growth rate"))
@@ -196,7 +196,7 @@ class Limits:
         found: list[tuple[float, Axis, Limit]] = []
         start = 1.0
         for factor in COLUMNS:
-            if (size := factor * self.own[second.name]) > second.largest:
+            if (size := factor * self.case_sizes[second.name]) > second.largest:
                 break
             beside = {second.name: size}
             beside = {second.name: second.size(self.config(beside))}

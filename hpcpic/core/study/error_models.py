@@ -10,18 +10,19 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 PLAUSIBLE = (0.5, 1.5)  # times the theory's order
 SAFETY, SAFETY_IMPLAUSIBLE = 1.25, 3.0
-NOTHING = 1e-11  # relative difference between levels that counts as none
+NO_EFFECT = 1e-11  # relative difference between levels that counts as none
 LEAST_COST = 0.25  # of the theory's exponent: a knob that costs little now will cost more when it is finer
-NEAR = 0.05  # relative change over all levels below which the coarse ones are as asymptotic, and less noisy
+SMALL_SPREAD = 0.05  # relative change over all levels below which coarse ones are asymptotic too, and less noisy
 STUDENT = {2: 12.7, 3: 4.3, 4: 3.2, 5: 2.8, 6: 2.6, 7: 2.5}  # levels: two-sided 95 % of one degree less
-FITTED = 7  # levels of a least-squares fit, of four at least
-BEYOND = 1.3  # times the coarsest size measured: no recommendation is coarser
+MAX_FITTED_LEVELS = 7  # levels of a least-squares fit, of four at least
+EXTRAPOLATION = 1.3  # times the coarsest size measured: no proposal is coarser
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +63,7 @@ class ErrorModel:
     @property
     def idle(self) -> bool:
         """True if the knob has no effect."""
-        return bool(self.errors[-1] <= NOTHING)
+        return bool(self.errors[-1] <= NO_EFFECT)
 
     @property
     def asymptotic(self) -> bool:
@@ -79,8 +80,8 @@ class ErrorModel:
         return len(self.sizes) == 2 and self.asymptotic and not self.idle
 
     @property
-    def mine(self) -> int:
-        """Number of the level that is the case itself."""
+    def case_level(self) -> int:
+        """Index of the level that is the case itself."""
         return int(np.argmin(np.abs(np.log(self.sizes / self.here))))
 
     @property
@@ -104,8 +105,8 @@ class ErrorModel:
         return self.safety * self.error(size)
 
     def size(self, bound: float) -> float:
-        """The largest size whose error, with the safety factor, is within `bound`, and that the pilots speak for."""
-        most = BEYOND * float(self.sizes[-1])
+        """The largest size whose error, with the safety factor, is within `bound`, as far as the levels tell it."""
+        most = EXTRAPOLATION * float(self.sizes[-1])
         if self.bound(most) <= bound:
             return most
         least = 1e-4 * float(self.sizes[0])
@@ -152,36 +153,32 @@ def fit(name: str, levels: Sequence[Level], here: float, theory: float, cost_the
     which a run is to check; what the reference is known to has the factor already.
     """
     levels = sorted(levels, key=lambda level: level.size)
-    sizes = np.array([level.size for level in levels])
-    values = [level.value / scale for level in levels]
-    mine = int(np.argmin(np.abs(np.log(sizes / here))))
+    sizes, values = np.array([level.size for level in levels]), [level.value / scale for level in levels]
+    case_level = int(np.argmin(np.abs(np.log(sizes / here))))
     spread = max(norm(value - values[0]) for value in values)
     cost = max(_slope(np.log(sizes), -np.log([level.seconds for level in levels])), 0.0)
-    least = LEAST_COST * cost_theory
-    if spread <= NOTHING:
-        nothing = np.zeros_like(sizes)
-        none = np.zeros_like(values[0])
-        return ErrorModel(name, sizes, nothing, none, here, math.nan, theory, theory, SAFETY, cost, least)
+    law = partial(ErrorModel, name, sizes, here=here, theory=theory, cost=cost, least_cost=LEAST_COST * cost_theory)
+    if spread <= NO_EFFECT:
+        nothing = np.zeros_like(values[0])
+        return law(np.zeros_like(sizes), nothing, order=math.nan, used=theory, safety=SAFETY)
     if len(levels) == 2:
-        falls = (sizes / sizes[0]) ** theory / ((sizes[1] / sizes[0]) ** theory - 1.0)
-        taken, doubt = (values[1] - values[0]) * falls[mine], (SAFETY_IMPLAUSIBLE - 1.0) * spread * float(falls[0])
-        return ErrorModel(
-            name, sizes, spread * falls, taken, here, math.nan, theory, theory, SAFETY, cost, least, doubt
-        )
-    three = [0, 1, 2] if spread > NEAR else spaced(sizes)
+        parts = (sizes / sizes[0]) ** theory / ((sizes[1] / sizes[0]) ** theory - 1.0)  # errors over the difference
+        signed = (values[1] - values[0]) * parts[case_level]
+        doubt = (SAFETY_IMPLAUSIBLE - 1.0) * spread * float(parts[0])
+        return law(spread * parts, signed, order=math.nan, used=theory, safety=SAFETY, doubt=doubt)
+    three = [0, 1, 2] if spread > SMALL_SPREAD else spaced(sizes)
     order = observed_order(sizes[three], [values[k] for k in three])
     good = plausible(order, theory)
     used, safety = (min(order, theory), SAFETY) if good else (theory, SAFETY_IMPLAUSIBLE)
-    first = values[1] - values[0]
-    error = first / ((sizes[1] / sizes[0]) ** used - 1.0)  # of the finest level
-    signed = [value - values[0] + error for value in values]
-    errors = np.array([norm(value) for value in signed])
+    finest_error = (values[1] - values[0]) / ((sizes[1] / sizes[0]) ** used - 1.0)
+    all_signed = [value - values[0] + finest_error for value in values]
+    errors = np.array([norm(value) for value in all_signed])
     if not good:  # the coarser pair may say more
         other = norm(values[2] - values[1]) / ((sizes[2] / sizes[0]) ** used - (sizes[1] / sizes[0]) ** used)
         errors = np.maximum(errors, other)
     errors = np.maximum.accumulate(errors)
-    doubt = (safety - 1.0) * (norm(signed[0]) if good else float(errors[0]))  # what was taken off the finest level
-    return ErrorModel(name, sizes, errors, signed[mine], here, order, theory, used, safety, cost, least, doubt)
+    doubt = (safety - 1.0) * (norm(finest_error) if good else float(errors[0]))  # what was taken off the finest level
+    return law(errors, all_signed[case_level], order=order, used=used, safety=safety, doubt=doubt)
 
 
 def scattered(law: ErrorModel, levels: Sequence[Level], scale: float) -> ErrorModel:
@@ -204,10 +201,10 @@ def scattered(law: ErrorModel, levels: Sequence[Level], scale: float) -> ErrorMo
 
 def levelled(law: ErrorModel, levels: Sequence[Level], scale: float) -> ErrorModel:
     """The law of a knob whose errors scatter about a power law, as where walls lie otherwise among the nodes of every
-    level: least squares of v0 + a h^p through the finest FITTED levels, p of theory (Eca & Hoekstra, J. Comput.
-    Phys. 262 (2014)). What the fit does not know of v0 is told by Student's t of the levels it has to spare.
+    level: least squares of v0 + a h^p through the finest levels, p of theory (Eca & Hoekstra, J. Comput. Phys. 262
+    (2014)). The doubt about v0 is by Student's t of the degrees of freedom of the fit.
     """
-    near = sorted(levels, key=lambda level: level.size)[:FITTED]
+    near = sorted(levels, key=lambda level: level.size)[:MAX_FITTED_LEVELS]
     sizes, values = np.array([level.size for level in near]), np.array([level.value / scale for level in near])
     lines = np.stack([np.ones_like(sizes), (sizes / law.here) ** law.theory], axis=1)
     weight = (law.here / sizes)[:, None]
@@ -217,7 +214,7 @@ def levelled(law: ErrorModel, levels: Sequence[Level], scale: float) -> ErrorMod
     spread = scatter * math.sqrt(np.linalg.inv((weight * lines).T @ (weight * lines))[0, 0])
     slope, start = norm(found[1]), STUDENT[free + 1] * spread
     errors = np.maximum(slope * (law.sizes / law.here) ** law.theory + scatter, law.errors * (law.sizes > sizes[-1]))
-    signed = next(level.value for level in levels if level.size == law.sizes[law.mine]) / scale - found[0]
+    signed = next(level.value for level in levels if level.size == law.sizes[law.case_level]) / scale - found[0]
     doubt = (SAFETY - 1.0) * slope + start
     errors = np.maximum.accumulate(errors)
     return replace(law, errors=errors, signed=signed, used=law.theory, safety=SAFETY, doubt=doubt)
@@ -255,7 +252,7 @@ def cheapest(laws: Sequence[ErrorModel], budget: float, most: Mapping[str, float
         held = {
             law.name: cap
             for law in free
-            if sizes[law.name] >= (cap := min(most.get(law.name, math.inf), BEYOND * float(law.sizes[-1])))
+            if sizes[law.name] >= (cap := min(most.get(law.name, math.inf), EXTRAPOLATION * float(law.sizes[-1])))
         }
         if not held:
             return {law.name: fixed.get(law.name) or sizes[law.name] for law in laws}

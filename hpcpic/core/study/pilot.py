@@ -1,8 +1,11 @@
-"""Short runs of the user's scene with other sizes of its knobs, each in a folder of its own, done once."""
+"""Pilots: short runs of the user's scene with other sizes of its knobs, each in a folder of its own, done once; and the
+budget of them.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import math
 import shutil
 import time
 from collections.abc import Mapping
@@ -16,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.app.app import App
-from hpcpic.core.app.knobs import Knobs
+from hpcpic.core.app.knobs import Knob, Knobs
 from hpcpic.core.app.read import Case, read_case
 from hpcpic.core.app.text import duration
 from hpcpic.core.case.derived import Derived
@@ -26,6 +29,12 @@ from hpcpic.core.errors import CheckFailed, HpcpicError
 from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.files.series import Series, read_series
 from hpcpic.core.study.sweep import run_once
+
+USUAL_PILOTS = 20  # that search and verification may take, or this share of the run itself, or so many seconds:
+USUAL_SHARE = 0.5
+USUAL_SECONDS = 6.0  # to save time below it helps nobody
+LEAST_SHARE, LEAST_REST = 6.0, 0.5  # pilots: the search has half of all, or all but the rest up to the least share
+CLOCK_SECONDS = 0.02  # of the case's pilot: above it clocks count too
 
 Settings = Mapping[str, str]  # dotted key -> value of a discrete setting
 
@@ -57,7 +66,7 @@ class Pilot:
 
     @property
     def warnings(self) -> list[str]:
-        """What the run itself warned of."""
+        """The warnings of the run itself."""
         return [str(words) for words in facts_of(RunDir(self.folder)).get("warnings", ())]
 
 
@@ -172,8 +181,57 @@ class Pilots:
 
     @property
     def took(self) -> str:
-        """What the search has cost: steps, and the clock, which counts starts and compiling too."""
+        """The time of the search in words: of steps, and by the clock, which counts starts and compiling too."""
         return f"{duration(self.spent)} of steps, {duration(time.monotonic() - self.began)} by the clock"
+
+
+class Budget:
+    """The allowance of search and verification together, and what is left of it, in pilots of the case's own cost."""
+
+    def __init__(
+        self, pilots: Pilots, base: Pilot, time: float, more: tuple[str, ...], allowance: float | None = None
+    ) -> None:
+        """base: the case's pilot until `time` [s]; more: settings of all pilots; allowance: where the user gives it."""
+        self.pilots, self.base, self.time, self.more = pilots, base, time, more
+        usual = max(USUAL_PILOTS, USUAL_SHARE * pilots.knobs.time / time, USUAL_SECONDS / max(base.seconds, 1e-6))
+        self.allowance = allowance or usual
+        self.foreseen = pilots.foreseen(base.sizes, time, {})
+
+    @property
+    def share(self) -> float:
+        """Pilots of the allowance that the search may take; the rest is for the verification."""
+        return max(0.5 * self.allowance, min(LEAST_SHARE, self.allowance - LEAST_REST))
+
+    @staticmethod
+    def asking(share: float) -> int:
+        """The allowance that gives the search this share."""
+        return math.ceil(2.0 * share if share > LEAST_SHARE else share + LEAST_REST)
+
+    @property
+    def used(self) -> float:
+        """The cost of all pilots so far, by the estimate, or by the clock if that says more."""
+        base, clocked = self.base, self.base.seconds > CLOCK_SECONDS
+        return sum(
+            max(pilot.price / base.price, pilot.seconds / base.seconds if clocked else 0.0)
+            for pilot in self.pilots.done.values()
+        )
+
+    @property
+    def left(self) -> float:
+        return self.allowance - self.used
+
+    def cost(self, knobs: tuple[Knob, ...], sizes: Mapping[str, float], others: Settings) -> float:
+        """The cost of a pilot to come: by theory, or by the estimate if that says more; 0 where it was run."""
+        if self.pilots.named(sizes, self.time, others, self.more)[1] in self.pilots.done:
+            return 0.0
+        theory = math.prod((self.base.sizes[knob.name] / sizes[knob.name]) ** knob.cost for knob in knobs)
+        if theory > self.left:
+            return theory  # told, and not even set up
+        return max(theory, self.pilots.foreseen(sizes, self.time, others) / self.foreseen)
+
+    def affordable(self, cost: float) -> bool:
+        """True if the search may run pilots of this cost."""
+        return self.used + cost <= self.share
 
 
 def value_of(pilot: Pilot, measure: Any) -> NDArray[np.float64]:

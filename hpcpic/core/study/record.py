@@ -1,7 +1,7 @@
-"""What searches of like scenes found, kept in the user's cache.
+"""The record of earlier searches, in the user's cache.
 
-It says where the next search puts its first pilots, and nothing else: errors are measured and recommendations run as
-without it.
+It says where the next search of a like scene puts its first pilots, and nothing else: errors are measured and
+recommendations run as without it.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
     from hpcpic.core.app.read import Case
     from hpcpic.core.study.error_models import ErrorModel
 
-KEPT = 50  # searches of one kind of scene
-OF_USERS = ("name", "description")  # settings whose text says nothing of the kind of a scene
-IN_WORDS = ("output", "gauge")  # groups that likewise do not
-FARTHER = 4.0  # times a size that was recommended: no law is followed beyond
+MAX_SEARCHES = 50  # searches of one kind of scene
+NAMES = ("name", "description")  # settings whose text says nothing of the kind of a scene
+UNIMPORTANT_GROUPS = ("output", "gauge")  # groups that likewise do not
+EXTRAPOLATION = 4.0  # times a size that was recommended: no law is followed beyond
 FINEST, COARSEST, COARSEST_DRAWN = 0.5, 4.0, 64.0  # times the case's own size: levels that a record asks for
 NEAR = 1.4  # times the case's own size: what lies nearer is the case itself
 
@@ -49,13 +49,13 @@ class Law:
 
     def foreseen(self, error: float) -> float:
         """The size at which the error would be so large."""
-        most = FARTHER * self.size
+        most = EXTRAPOLATION * self.size
         return min(self.size * (error / self.error) ** (1.0 / self.order), most) if self.error else most
 
 
 @dataclass(frozen=True, slots=True)
 class Hint:
-    """What an earlier search says of one knob: a factor on the case's own size, and whether the order was observed."""
+    """A hint of an earlier search on one knob: a factor on the case's own size, and whether the order was observed."""
 
     factor: float
     steady: bool
@@ -70,7 +70,7 @@ class Hint:
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class PastSearch:
     """A search that certified a setting: digest of its case, tolerance, law of each knob."""
 
     case: str
@@ -97,23 +97,25 @@ class Record:
         return str(self.store.folder.path / self.name) if self.store.folder else ""
 
     @cached_property
-    def all(self) -> list[Found]:
+    def all(self) -> list[PastSearch]:
         """The searches, the last one last. A damaged record is none: the log says so."""
         content = self.store.read(self.name)
         try:
             lines = [json.loads(line) for line in (content or b"").splitlines()]
-            return [Found(str(line["case"]), told(line["tolerance"]), laws_of(line["laws"])) for line in lines]
+            return [PastSearch(str(line["case"]), positive(line["tolerance"]), laws_of(line["laws"])) for line in lines]
         except (ValueError, TypeError, KeyError, AttributeError) as error:
             self.store.damaged(f"{self.name} holds no searches: {error}")
             return []
 
     @property
-    def others(self) -> list[Found]:
+    def others(self) -> list[PastSearch]:
         """Those of other cases."""
         return [one for one in self.all if one.case != self.case]
 
     def unit(self, knob: Knob) -> float:
-        """What a size is told in, so that scenes large and small compare: the box's longest side, a pilot's time."""
+        """The unit of sizes in the record, so that large and small scenes compare: the box's longest side, a pilot's
+        time.
+        """
         seen = self.knobs.seen
         box = max((b - a for a, b in zip(seen.low, seen.high)), default=1.0) if seen else 1.0
         return {"m": box, "s": self.time}.get(knob.unit, 1.0)
@@ -138,7 +140,7 @@ class Record:
                 size, steady = float(sizes[knob.name]), model.steady or model.assumed or model.idle
                 laws[knob.name] = Law(size / self.unit(knob), model.bound(size), model.used, steady, model.cost)
         kept = [one for one in self.all if (one.case, one.tolerance) != (self.case, tolerance)]
-        lines = [json.dumps(asdict(one)) for one in [*kept, Found(self.case, tolerance, laws)][-KEPT:]]
+        lines = [json.dumps(asdict(one)) for one in [*kept, PastSearch(self.case, tolerance, laws)][-MAX_SEARCHES:]]
         self.store.write(self.name, "".join(f"{line}\n" for line in lines).encode())
 
 
@@ -146,28 +148,28 @@ def digest(what: Any) -> str:
     return hashlib.sha256(json.dumps(what).encode()).hexdigest()[:16]
 
 
-def told(value: Any, least: float = 1e-300) -> float:
-    """A number of a record, where it is one that can be."""
+def positive(value: Any, least: float = 1e-300) -> float:
+    """The value, a finite number of at least `least`. Raises ValueError."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value < 1e300:
         raise ValueError(f"{value!r} is not possible")
     return float(value)
 
 
 def laws_of(laws: Mapping[str, Mapping[str, Any]]) -> dict[str, Law]:
-    """Raises ValueError, TypeError or KeyError where a record says what cannot be."""
+    """The laws in a line of the record. Raises ValueError, TypeError or KeyError where it holds none."""
     return {
-        name: Law(told(law["size"]), told(law["error"], 0.0), told(law["order"]), law["steady"] is True,
-                  told(law["cost"], 0.0))
+        name: Law(positive(law["size"]), positive(law["error"], 0.0), positive(law["order"]), law["steady"] is True,
+                  positive(law["cost"], 0.0))
         for name, law in laws.items()
     }  # fmt: skip
 
 
 def words(section: Section, path: str = "") -> Iterator[str]:
-    """What a completed case contains: its settings that are not zero, those that are words with what they say."""
+    """The settings of a completed case that are not zero, those that are words with their values."""
     for name in type(section).model_fields:
         value, key = getattr(section, name), f"{path}{name}"
         groups = value if isinstance(value, tuple) else (value,)
-        if name in OF_USERS or key in IN_WORDS:
+        if name in NAMES or key in UNIMPORTANT_GROUPS:
             continue
         if any(isinstance(group, Section) for group in groups):
             for group in groups:

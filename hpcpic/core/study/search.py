@@ -1,69 +1,56 @@
-"""The search of `tradeoff`: laws of the knobs from pilots, the reference that they give, other schemes."""
+"""The search of `tradeoff`: how large an error each knob makes, from short runs of the case (pilots).
+
+1. Levels. Run the case as it is, then each knob alone at one or two other sizes (`run_first_levels`), and at coarser
+   ones while its error stays negligible (`run_coarser_levels`).
+2. Laws. Fit error = A size^p to the levels of each knob (`fit_law`, error_models.py).
+3. Reference. The value of the case, with the error of every law taken off (Richardson extrapolation, `reference`), or
+   the exact value. What the laws do not know of it is its `uncertainty`.
+4. While that exceeds half of the error wanted, run one more level of the knob that it comes from (`refine_reference`).
+
+What a pilot costs is foretold, and one that does not fit into the budget is left out. schemes.py tries other discrete
+settings; recommend.py turns laws into a setting, and runs it.
+"""
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.app.knobs import Choice, Knob, Quantity
-from hpcpic.core.case.config import dotted
 from hpcpic.core.errors import CheckFailed
-from hpcpic.core.study.budget import Budget
 from hpcpic.core.study.error_models import ErrorModel, Level, fit, hidden, levelled, norm, scattered
 from hpcpic.core.study.field import seen_field
-from hpcpic.core.study.pilot import Pilot, Pilots, Settings, value_of
+from hpcpic.core.study.pilot import Budget, Pilot, Pilots, Settings, value_of
 from hpcpic.core.study.quantities import is_nothing, telling
 from hpcpic.core.study.record import Hint
 
-LADDERS = (  # times the case's own size: coarser where that is legal, finer where it is affordable
+# Factors on the case's own size of a knob, in the order in which they are tried: coarser where that is legal, finer
+# where it is affordable.
+PAIRS = (  # two levels beside the case, of a knob whose order is to be observed
     (2.0, 4.0), (1.4, 2.0), (1.2, 1.4), (0.5, 2.0), (0.7, 1.4), (0.5, 0.25), (0.7, 0.5), (0.8, 0.65),
 )  # fmt: skip
-NEGLIGIBLE = 0.25  # of the error wanted: a knob that makes less at its coarsest level
-FIRST = (2.0, 1.4, 1.2, 0.7, 0.8)  # times the case's own size: the second level of a knob whose order theory knows
-DRAWN = (4.0, 16.0)  # likewise, of one whose errors are drawn: no order is observed, so levels may lie far apart
-STRIDE = 4.0  # to the next level of a knob that shows little effect
-SAVES = 0.9  # times the price: a coarser level must cost less than that for a still coarser one to be of use
-MORE = (0.7, 0.5)  # times the finest size: levels that a law in doubt may want, and where errors scatter:
-MORE_SCATTERED = (1.4, 1.2, 0.84, 0.7)  # those above 1 times the case's
-LEVELS = 12  # of one knob
-UNSURE = 1.25  # times the one difference measured is the error of another scheme
-WORTH = 0.8  # times the cost: another scheme must save this much to be chosen
-CHEAP = 0.9  # times the cost of the case, by the estimate: a scheme that can only save time is tried
-DEAR = 1.5  # times the cost of the case, by the estimate: a scheme that is not tried
-TIMED = 0.1  # seconds of a pilot below which its clock says nothing of the cost of a scheme
-
-
-@dataclass(frozen=True, slots=True)
-class Scheme:
-    """A combination of discrete settings: its cost beside the case's, its own error, and its laws."""
-
-    others: Settings
-    cost: float
-    floor: float
-    laws: tuple[ErrorModel, ...]
-
-    @property
-    def words(self) -> str:
-        return ", ".join(f"{key.rpartition('.')[2]} = {value}" for key, value in self.others.items())
-
-
-@dataclass(frozen=True, slots=True)
-class Alternative:
-    """One other value of a choice: cost beside the case's, the law it changes, or an error of its own."""
-
-    others: Settings
-    cost: float
-    law: ErrorModel | None
-    floor: float = 0.0
+SINGLES = (2.0, 1.4, 1.2, 0.7, 0.8)  # one level beside the case, of a knob whose order theory knows
+PAIR_OF_NOISE = (4.0, 16.0)  # of a knob whose errors are drawn: no order is observed, so levels may lie far apart
+COARSENING = 4.0  # times the coarsest level: the next one of a knob whose error is negligible
+REFINEMENTS = (0.7, 0.5)  # times the finest level: the next one, to know the reference better
+REFINEMENTS_OF_SCATTER = (1.4, 1.2, 0.84, 0.7)  # likewise where errors scatter; factors above 1 are on the case's size
+MAX_LEVELS = 12  # of one knob
+MAX_LEVELS_COARSENED = 5  # of a knob that may get a coarser one
+NEGLIGIBLE = 0.25  # of the error wanted: the error of a knob at its coarsest level
+SAVING = 0.9  # times the price of the case: where the coarsest level costs more, a coarser one is of no use
+SAME_LEVEL = 0.05  # difference of the logs of two sizes that are one level
 
 
 class Search:
-    """Search for the cheapest setting for one quantity of a case. Errors are relative to the norm of the reference."""
+    """The laws of the knobs of one case, for one quantity, and its reference. Errors are relative to the norm of that.
+
+    case_sizes: of the knobs in the case; base: the pilot of the case as it is. levels, laws: by knob; field_laws: those
+    of the field beside the quantity. finer: pilots with one knob finer than the case.
+    """
 
     def __init__(
         self,
@@ -72,36 +59,36 @@ class Search:
         choices: Sequence[Choice],
         quantity: Quantity,
         wanted: float,
-        most: float | None = None,
+        allowance: float | None = None,
         *,
-        brief: bool = False,
+        trust_theory: bool = False,
         hints: Mapping[str, Hint] | None = None,
     ) -> None:
-        """wanted: the least error that matters; most: pilots that may be taken; brief: two levels of a knob will do
-        where theory knows its order, as a recommendation is to be run that checks it; hints: of earlier searches.
+        """wanted: the least error that matters; allowance: pilots that search and verification may take together.
+        trust_theory: two levels of a knob will do where theory knows its order, as the run of a recommendation checks
+        it. hints: of earlier searches, by knob. Raises CheckFailed.
         """
         self.pilots, self.knobs, self.choices, self.quantity = pilots, knobs, choices, quantity
-        self.wanted, self.brief, self.hints = wanted, brief, hints or {}
-        self.own = pilots.sizes_of(pilots.read.config)
-        self.base = self.pilot(self.own, words="the case itself")
-        self.budget = Budget(pilots, self.base, float(quantity.time), self.snapshot, most)
+        self.wanted, self.trust_theory, self.hints = wanted, trust_theory, hints or {}
+        self.case_sizes = pilots.sizes_of(pilots.read.config)
+        self.base = self.pilot(self.case_sizes, words="the case itself")
+        self.budget = Budget(pilots, self.base, float(quantity.time), self.snapshot, allowance)
         self.left_out = ""  # the level that was wanted most, and is dearer than what is left
         self.value = self.measured(self.base)
         self.scale = abs(quantity.exact) if quantity.exact else norm(self.value)
         self.refuse_nothing()
         self.levels: dict[str, list[Level]] = {}
-        self.finer: list[Pilot] = []  # with one knob finer than the case
+        self.finer: list[Pilot] = []
         self.laws: dict[str, ErrorModel] = {}
-        self.shadows: dict[str, ErrorModel] = {}  # laws of the field beside the quantity
+        self.field_laws: dict[str, ErrorModel] = {}
         self.field = self.field_of(self.base)
         self.field_scale = norm(self.field) if self.field is not None else 0.0
         for knob in knobs:
-            self.climb(knob)
+            self.run_first_levels(knob)
         for knob in knobs:
-            self.stride(knob)
-        while self.uncertainty > 0.5 * self.wanted and self.more():
+            self.run_coarser_levels(knob)
+        while self.uncertainty > 0.5 * self.wanted and self.refine_reference():
             pass
-        self.schemes = list(self.combinations())
 
     def refuse_nothing(self) -> None:
         """Raises CheckFailed for a quantity that is zero, by symmetry or at all."""
@@ -119,11 +106,12 @@ class Search:
 
     @property
     def snapshot(self) -> tuple[str, ...]:
-        """Settings by which a pilot writes the field that is looked at."""
+        """Settings by which a pilot writes the field beside the quantity."""
         seen = self.pilots.knobs.seen
         return seen.snapshot(float(self.quantity.time)) if seen else ()
 
     def measured(self, pilot: Pilot) -> NDArray[np.float64]:
+        """The quantity of a pilot, as a vector. Raises CheckFailed where the run does not show it."""
         if not self.quantity.field:
             return value_of(pilot, self.quantity.measure)
         value = self.field_of(pilot)
@@ -132,94 +120,109 @@ class Search:
         return value
 
     def field_of(self, pilot: Pilot) -> NDArray[np.float64] | None:
+        """The field beside the quantity, as a vector; None where there is none, or the run did not finish."""
         seen = self.pilots.knobs.seen
         return seen_field(pilot.folder, seen) if seen and not pilot.exit_code else None
 
     def level(self, knob: str, pilot: Pilot) -> Level:
+        """Raises CheckFailed where the run does not show the quantity."""
         value, field = self.measured(pilot), self.field_of(pilot)
         noise = self.quantity.noise(pilot.series) / self.scale if self.quantity.noise else 0.0
         return Level(pilot.sizes[knob], value, pilot.seconds, pilot.price, noise, field)
 
     def cost(self, sizes: Mapping[str, float], others: Settings | None = None) -> float:
-        """What a pilot will cost, in pilots of the case's own cost."""
+        """The cost of a pilot to come, in pilots of the case's own cost."""
         return self.budget.cost(tuple(self.knobs), sizes, others or {})
 
-    def fits(self, knob: Knob, size: float) -> bool:
-        """True if the search may run one more level of a knob, which is told where it is left out."""
-        cost = self.cost({**self.own, knob.name: size})
-        fits = self.budget.affordable(cost)
-        if not fits and not self.left_out:
-            self.left_out = f"{knob.name} = {knob.shown(size):.4g} would cost {cost:.3g} pilots of the case's own cost"
-        return fits
+    # ------------------------------------------------------------------------------------------ levels
 
-    def climb(self, knob: Knob) -> None:
-        """Levels of one knob, all else as in the case: two where theory knows its order, three of others. Those that
-        earlier searches and theory say to tell most are tried first.
+    def run_first_levels(self, knob: Knob) -> None:
+        """Two levels of a knob where its order is taken from theory, else three; the case is one of them.
+
+        The sizes that earlier searches hint at are tried first. Raises CheckFailed where too few are legal and
+        affordable.
         """
         name, hint = knob.name, self.hints.get(knob.name)
-        known = self.brief and not knob.noisy and (hint is None or hint.steady)
-        enough, lacking = 2 if known else 3, []
-        usual = [(factor,) for factor in FIRST] if known else [DRAWN] if knob.noisy else []
+        order_known = self.trust_theory and not knob.noisy and (hint is None or hint.steady)
+        enough = 2 if order_known else 3
+        factors = [hint.levels(knob.noisy)] if hint else []
+        factors += [(factor,) for factor in SINGLES] if order_known else [PAIR_OF_NOISE] if knob.noisy else []
+        unaffordable = []  # their costs
         self.levels[name] = [self.level(name, self.base)]
-        for ladder in ([hint.levels(knob.noisy)] if hint else []) + usual + [*LADDERS]:
-            sizes = [self.own[name] * factor for factor in ladder]
+        for those in (*factors, *PAIRS):
+            sizes = [self.case_sizes[name] * factor for factor in those]
             if len(self.levels[name]) >= enough or not all(self.legal(name, size) for size in sizes):
                 continue
-            cost = sum(self.cost({**self.own, name: size}) for size in sizes)
+            cost = sum(self.cost({**self.case_sizes, name: size}) for size in sizes)
             if not self.budget.affordable(cost):
-                lacking.append(cost)
+                unaffordable.append(cost)
                 continue
             for size in sizes:
-                self.add(knob, size)
+                self.add_level(knob, size)
         if len(self.levels[name]) < enough:
-            raise CheckFailed(self.stuck(knob, min(lacking, default=0.7**-knob.cost + 0.5**-knob.cost)))
-        self.refit(knob)
+            raise CheckFailed(self.too_few_levels(knob, min(unaffordable, default=0.7**-knob.cost + 0.5**-knob.cost)))
+        self.fit_law(knob)
         if self.spread(name) <= self.noise(name):
-            self.complete([name])  # whether its effect has an order, or is drowned
+            self.observe_orders([name])  # whether its effect has an order, or is hidden by noise
 
-    def stride(self, knob: Knob) -> None:
-        """Coarser levels of a knob while it shows little effect."""
-        name = knob.name
+    def run_coarser_levels(self, knob: Knob) -> None:
+        """Coarser levels of a knob while its error is negligible and a coarser run saves something."""
         while True:
-            law = self.laws[name]
-            coarsest = float(law.sizes[-1])
-            low = law.bound(coarsest) < NEGLIGIBLE * self.wanted
-            size = coarsest * STRIDE
-            wanted = low and len(law.sizes) <= 5 and self.legal(name, size) and self.saves(name)
-            if not (wanted and self.fits(knob, size) and self.add(knob, size)):
+            law, coarsest = self.laws[knob.name], max(self.levels[knob.name], key=lambda level: level.size)
+            saves = coarsest.price < SAVING * self.base.price
+            wanted = self.negligible(law) and len(law.sizes) <= MAX_LEVELS_COARSENED and saves
+            if not (wanted and self.run_level(knob, COARSENING * float(law.sizes[-1]))):
                 return
-            self.refit(knob)
 
-    def saves(self, name: str) -> bool:
-        """True if the coarsest level of a knob costs less than the case: its own price tells what coarser ones save."""
-        coarsest = max(self.levels[name], key=lambda level: level.size)
-        return coarsest.price < SAVES * self.base.price
+    def negligible(self, law: ErrorModel) -> bool:
+        """True if the error of a knob at its coarsest level matters little beside the error wanted."""
+        return law.bound(float(law.sizes[-1])) < NEGLIGIBLE * self.wanted
 
-    def stuck(self, knob: Knob, cost: float) -> str:
-        """A sentence on why there are no three levels of a knob, the cheapest of which cost so many pilots."""
-        own = self.own[knob.name]
-        found = [f"{knob.name}: no three levels about {knob.shown(own):.4g} {knob.unit}".rstrip()]
+    def run_level(self, knob: Knob, size: float) -> bool:
+        """One more level of a knob, and its law; False where the size is not legal, not affordable (then `left_out`
+        says so) or tells nothing new.
+        """
+        if not self.legal(knob.name, size):
+            return False
+        cost = self.cost({**self.case_sizes, knob.name: size})
+        if not self.budget.affordable(cost):
+            self.left_out = self.left_out or (
+                f"{knob.name} = {knob.shown(size):.4g} would cost {cost:.3g} pilots of the case's own cost"
+            )
+            return False
+        if not self.add_level(knob, size):
+            return False
+        self.fit_law(knob)
+        return True
+
+    def too_few_levels(self, knob: Knob, cost: float) -> str:
+        """Why a knob has too few levels, in a sentence; cost: pilots that the cheapest further ones take."""
+        size = self.case_sizes[knob.name]
+        reasons = [f"{knob.name}: no three levels about {knob.shown(size):.4g} {knob.unit}".rstrip()]
         for word, factor in (("coarser", 1.4), ("finer", 0.7)):
-            number = self.pilots.beyond({**self.own, knob.name: factor * own}, self.quantity.time, {})
-            found += [f"{word}: {number}"] if number else []
+            number = self.pilots.beyond({**self.case_sizes, knob.name: factor * size}, self.quantity.time, {})
+            reasons += [f"{word}: {number}"] if number else []
         used, share = self.budget.used, self.budget.share
-        found.append(f"{max(share - used, 0.0):.2g} of {share:.2g} pilots of the case's cost are left")
+        reasons.append(f"{max(share - used, 0.0):.2g} of {share:.2g} pilots of the case's cost are left")
         needed = self.budget.asking(used + cost)
-        found.append(f"--pilots {needed} pays for them, {needed * self.base.seconds:.2g} s in all")
+        reasons.append(f"--pilots {needed} pays for them, {needed * self.base.seconds:.2g} s in all")
         others = ",".join(k.name for k in self.knobs if k is not knob)
-        return "; ".join([*found, f"without it: --knobs {others}"] if others else found)
+        return "; ".join([*reasons, f"without it: --knobs {others}"] if others else reasons)
+
+    def knob(self, law: ErrorModel) -> Knob:
+        return next(knob for knob in self.knobs if knob.name == law.name)
 
     def legal(self, name: str, size: float, margin: float = 1.0) -> bool:
-        return self.pilots.legal({**self.own, name: size}, self.quantity.time, {}, margin)
+        return self.pilots.legal({**self.case_sizes, name: size}, self.quantity.time, {}, margin)
 
-    def add(self, knob: Knob, size: float) -> bool:
-        """One more level; False when it is one that is there, or shows nothing."""
+    def add_level(self, knob: Knob, size: float) -> bool:
+        """Run one more level; False where it is one that has been run, or does not show the quantity."""
         name = knob.name
-        wanted = {**self.own, name: size}
-        real = self.pilots.sizes_of(self.pilots.config(wanted, self.quantity.time, {}))[name]
-        if any(abs(math.log(real / level.size)) < 0.05 for level in self.levels[name]):
+        sizes = {**self.case_sizes, name: size}
+        real = self.pilots.sizes_of(self.pilots.config(sizes, self.quantity.time, {}))[name]
+        if any(abs(math.log(real / level.size)) < SAME_LEVEL for level in self.levels[name]):
             return False
-        pilot = self.pilot(wanted, words=f"{name} x {real / self.own[name]:.3g}")
+        pilot = self.pilot(sizes, words=f"{name} x {real / self.case_sizes[name]:.3g}")
         try:
             level = self.level(name, pilot)
         except CheckFailed:
@@ -227,12 +230,12 @@ class Search:
         if norm(level.value - self.value) > self.scale:
             return False  # an error as large as the quantity follows no law
         self.levels[name].append(level)
-        if level.size < self.own[name]:
+        if level.size < self.case_sizes[name]:
             self.finer.append(pilot)
         return True
 
     def spread(self, name: str) -> float:
-        """The farthest that a level of a knob is from the case's own value, relative."""
+        """The largest relative difference of a level of a knob from the case."""
         return max(norm(level.value - self.value) for level in self.levels[name]) / self.scale
 
     def noise(self, name: str) -> float:
@@ -240,66 +243,62 @@ class Search:
         levels = self.levels[name]
         return max(math.hypot(levels[0].noise, level.noise) for level in levels)
 
-    def refit(self, knob: Knob) -> None:
-        """The law of one knob, and that of the field beside it."""
+    def fit_law(self, knob: Knob) -> None:
+        """The law of a knob from its levels, and that of the field beside the quantity."""
         name, levels = knob.name, self.levels[knob.name]
-        law = fit(name, levels, self.own[name], knob.order, knob.cost, self.scale)
-        spread, noise = self.spread(name), self.noise(name)
-        if knob.noisy and not law.idle and not law.asymptotic:
-            law = scattered(law, levels, self.scale)
-        elif not law.idle and not law.asymptotic and spread <= noise:
-            law = hidden(law, spread)
-        elif not law.idle and not law.asymptotic and len(levels) >= 4:
-            law = levelled(law, levels, self.scale)
+        law = fit(name, levels, self.case_sizes[name], knob.order, knob.cost, self.scale)
+        if not law.idle and not law.asymptotic:
+            if knob.noisy:
+                law = scattered(law, levels, self.scale)
+            elif self.spread(name) <= self.noise(name):
+                law = hidden(law, self.spread(name))
+            elif len(levels) >= 4:
+                law = levelled(law, levels, self.scale)
         self.laws[name] = law
         fields = [replace(level, value=level.field) for level in levels if level.field is not None]
         if self.field_scale and len(fields) >= min(len(levels), 3):
-            self.shadows[name] = fit(name, fields, self.own[name], knob.order, knob.cost, self.field_scale)
+            self.field_laws[name] = fit(name, fields, self.case_sizes[name], knob.order, knob.cost, self.field_scale)
 
-    def more(self) -> bool:
-        """A further level of the knob that the reference is least sure of, or the next, where that is affordable."""
+    def refine_reference(self) -> bool:
+        """One more level of the knob whose law leaves most doubt about the reference, or of the next one where that
+        is not affordable. False where no level helps, or none is affordable.
+        """
         if self.quantity.exact is not None:
             return False
         self.left_out = ""
         for law in sorted(self.laws.values(), key=lambda law: -law.doubt):
-            knob = next(k for k in self.knobs if k.name == law.name)
+            knob = self.knob(law)
             if law.doubt < 0.1 * self.wanted:
                 return False
-            if len(self.levels[knob.name]) >= LEVELS:
+            if len(self.levels[knob.name]) >= MAX_LEVELS:
                 continue
-            if self.complete([law.name]):
+            if self.observe_orders([law.name]):
                 return True
-            if self.hopeless(law):
+            if self.hidden_by_noise(law):
                 return False
             finest = float(law.sizes[0])
-            for factor in MORE if law.steady else MORE_SCATTERED:
-                size = factor * (self.own[knob.name] if factor > 1.0 else finest)
-                if self.legal(knob.name, size) and self.fits(knob, size) and self.add(knob, size):
-                    self.refit(knob)
+            for factor in REFINEMENTS if law.steady else REFINEMENTS_OF_SCATTER:
+                if self.run_level(knob, factor * (self.case_sizes[knob.name] if factor > 1.0 else finest)):
                     return True
         return False
 
-    def hopeless(self, law: ErrorModel) -> bool:
+    def hidden_by_noise(self, law: ErrorModel) -> bool:
         """True where more draws of the start's noise do not make the reference known, and a start with less would."""
-        noisy = any(knob.noisy and knob.name == law.name for knob in self.knobs)
-        return noisy and law.random and law.doubt > self.wanted and bool(self.pilots.knobs.quieter)
+        return self.knob(law).noisy and law.random and law.doubt > self.wanted and bool(self.pilots.knobs.quieter)
 
     @property
     def assumed(self) -> list[str]:
-        """Knobs whose order theory alone tells."""
+        """Knobs whose order is taken from theory, as two levels do not show it."""
         return [law.name for law in self.laws.values() if law.assumed]
 
-    def complete(self, names: Sequence[str]) -> bool:
-        """A third level of these knobs, where theory alone tells their order; True if any was there to be had."""
-        found = False
+    def observe_orders(self, names: Sequence[str]) -> bool:
+        """A third level of those of these knobs whose order is taken from theory; True if one could be run."""
+        observed = []
         for knob in (knob for knob in self.knobs if knob.name in names and self.laws[knob.name].assumed):
-            law = self.laws[knob.name]
-            for size in (2.0 * float(law.sizes[-1]), *(factor * float(law.sizes[0]) for factor in MORE)):
-                if self.legal(knob.name, size) and self.fits(knob, size) and self.add(knob, size):
-                    self.refit(knob)
-                    found = True
-                    break
-        return found
+            finest, coarsest = self.laws[knob.name].sizes[[0, -1]].tolist()
+            sizes = (2.0 * coarsest, *(factor * finest for factor in REFINEMENTS))
+            observed.append(any(self.run_level(knob, size) for size in sizes))
+        return any(observed)
 
     # --------------------------------------------------------------------------------------- reference
 
@@ -312,8 +311,8 @@ class Search:
 
     @property
     def uncertainty(self) -> float:
-        """Relative uncertainty of the reference: what the safety factors add to the error of the case, and the interval
-        of the mean where that hides the effect of a knob.
+        """Relative uncertainty of the reference: the doubts of the laws, and the interval of a mean over time where
+        that hides the effect of a knob.
         """
         if self.quantity.exact is not None:
             return 0.0
@@ -323,10 +322,9 @@ class Search:
 
     @property
     def quieter(self) -> tuple[str, ...]:
-        """Settings of a start with less noise, where it is noise of the start that the reference is unsure of."""
-        unsure = max(self.laws.values(), key=lambda law: law.doubt)
-        noisy = any(knob.noisy and knob.name == unsure.name for knob in self.knobs)
-        return self.pilots.knobs.quieter if noisy and unsure.doubt else ()
+        """Settings of a start with less noise, where the reference is least sure because of the noise of the start."""
+        worst = max(self.laws.values(), key=lambda law: law.doubt)
+        return self.pilots.knobs.quieter if self.knob(worst).noisy and worst.doubt else ()
 
     @property
     def floor(self) -> float:
@@ -336,85 +334,15 @@ class Search:
         return norm((self.value - self.reference) / self.scale - sum(law.signed for law in self.laws.values()))
 
     def error(self, value: NDArray) -> float:
+        """Relative distance of a value from the reference."""
         return norm(value - self.reference) / self.scale
 
     def field_error(self, pilot: Pilot) -> float:
-        """Relative error of the field beside the quantity; nan where none is known."""
+        """Relative error of the field beside the quantity; nan where its reference is not known."""
         field = self.field_of(pilot)
-        steady = len(self.shadows) == len(self.knobs) and all(w.idle or w.asymptotic for w in self.shadows.values())
-        if field is None or self.field is None or not steady:
+        laws = self.field_laws.values()
+        known = len(laws) == len(self.knobs) and all(law.idle or law.asymptotic for law in laws)
+        if field is None or self.field is None or not known:
             return math.nan
-        off = (field - self.field) / self.field_scale + sum(law.signed for law in self.shadows.values())
+        off = (field - self.field) / self.field_scale + sum(law.signed for law in laws)
         return norm(off)
-
-    # ----------------------------------------------------------------------------------------- schemes
-
-    def combinations(self) -> list[Scheme]:
-        """The case's scheme and those that other discrete settings make of it, each tried by one coarse pilot."""
-        tried = [
-            [None, *filter(None, (self.alternative(choice, value) for value in choice.others))]
-            for choice in self.choices
-        ]
-        return [combined(tuple(self.laws.values()), picks) for picks in itertools.product(*tried)]
-
-    def alternative(self, choice: Choice, value: str) -> Alternative | None:
-        """One other discrete setting at a coarse level, unless it is too dear or does not run."""
-        others = {dotted(choice.key): value}
-        estimate, (ranks, threads) = self.pilots.app.estimate, self.pilots.shape
-        configs = (self.pilots.config(self.own, self.quantity.time, o) for o in ({}, others))
-        own, its = (estimate(config, ranks, threads, {}).step_seconds for config in configs)
-        law = self.laws.get(choice.acts_on)
-        least = NEGLIGIBLE * self.wanted
-        saves_only = law is None or law.idle or law.bound(float(law.sizes[-1])) < least  # nothing to gain but time
-        law = next(iter(self.laws.values())) if law is None else law
-        size = float(law.sizes[-1])
-        at = {**self.own, law.name: size}
-        if its > (CHEAP if saves_only else DEAR) * own or not self.budget.affordable(self.cost(at, others)):
-            return None
-        if not self.pilots.legal(at, self.quantity.time, others):
-            return None
-        pilot = self.pilot(at, others, words=f"{choice.name} = {value}, {law.name} x {size / law.here:.3g}")
-        beside = next(level for level in self.levels[law.name] if level.size == size)
-        try:
-            change = (self.measured(pilot) - beside.value) / self.scale
-        except CheckFailed:
-            return None
-        timed = beside.seconds > TIMED
-        cost = max(its / own, pilot.seconds / beside.seconds if timed else 0.0)  # either alone may be off
-        if saves_only:
-            return Alternative(others, cost, None, UNSURE * norm(change)) if cost < WORTH else None
-        changed = self.changed(law, beside, change, pilot)
-        if changed.error(law.here) > WORTH * law.error(law.here) and cost > WORTH:
-            return None
-        return Alternative(others, cost, changed)
-
-    def changed(self, law: ErrorModel, beside: Level, change: NDArray, pilot: Pilot) -> ErrorModel:
-        """The law of a knob in another scheme, from its error at the coarsest level and the order; where the field's
-        error is no smaller, that of the quantity is luck.
-        """
-        off = (beside.value - self.value) / self.scale + law.signed  # of the case's own scheme there
-        error, own = norm(off + change) + law.doubt, max(norm(off), 1e-300)
-        shadow, field = self.shadows.get(law.name), self.field_of(pilot)
-        if shadow is not None and field is not None and self.field is not None and not shadow.idle:
-            there = norm((field - self.field) / self.field_scale + shadow.signed)
-            error = max(error, own * min(there / shadow.error(beside.size), 1e3))
-        sizes = np.array([law.here, beside.size])
-        errors = error * (sizes / beside.size) ** law.used
-        return replace(law, sizes=sizes, errors=errors)
-
-
-def combined(laws: tuple[ErrorModel, ...], picks: Sequence[Alternative | None]) -> Scheme:
-    """Laws of a scheme. Of two choices that change one knob's law the worse counts: they were not tried together."""
-    others: dict[str, str] = {}
-    cost, floor = 1.0, 0.0
-    known = {law.name: law for law in laws}
-    new: dict[str, ErrorModel] = {}
-    for pick in filter(None, picks):
-        others |= pick.others
-        cost *= pick.cost
-        floor += pick.floor
-        if pick.law is not None:
-            before = new.get(pick.law.name)
-            worse = before is not None and before.errors[-1] > pick.law.errors[-1]
-            new[pick.law.name] = before if worse and before is not None else pick.law
-    return Scheme(others, cost, floor, tuple((known | new).values()))

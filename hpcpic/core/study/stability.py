@@ -108,7 +108,7 @@ def two(knobs: Knobs, pair: str) -> tuple[Knob, Knob]:
 def tell(limits: Limits, axis: Axis, limit: Limit, rates: list[tuple[float, float]]) -> None:
     from hpcpic.core.study.bisection import BLOWUP, RESOLUTION
 
-    knob, own = axis.knob, limits.own[axis.knob.name]
+    knob, own = axis.knob, limits.case_sizes[axis.knob.name]
     if math.isfinite(limit.x):
         size = axis.size(limit.x)
         ends = " .. ".join(f"{knob.shown(axis.size(x)):.4g}" for x in (limit.stable, limit.unstable) if x)
@@ -146,7 +146,7 @@ def tell(limits: Limits, axis: Axis, limit: Limit, rates: list[tuple[float, floa
 
 
 def confirmed(limits: Limits, limit: Limit) -> str:
-    """What longer runs and other seeds said of a limit."""
+    """A sentence on longer runs and other seeds at a limit."""
     if limit.late:
         return "found by runs four times as long; in shorter ones nothing grows"
     seeds = ", ".join(f"seed {seed} {'agrees' if same else 'differs'}" for seed, same in limit.seeds.items())
@@ -190,7 +190,7 @@ def judge(limits: Limits, axis: Axis, limit: Limit) -> None:
 
     if not math.isfinite(limit.x):
         return
-    if axis.x(limits.own[axis.knob.name]) >= limit.x:
+    if axis.x(limits.case_sizes[axis.knob.name]) >= limit.x:
         raise CheckFailed(f"the case itself is unstable: {axis.knob.name} is beyond the measured limit")
     if axis.number is not None and limit.x < 1.0 / AGREE:
         raise CheckFailed(f"the measured limit is {limit.x:.3f} of the theory's")
@@ -202,7 +202,7 @@ def facts(limits: Limits, axis: Axis, limit: Limit, rates: list[tuple[float, flo
     return {
         "case": limits.pilots.read.path,
         "knob": axis.knob.name,
-        "here": limits.own[axis.knob.name],
+        "here": limits.case_sizes[axis.knob.name],
         "limit": axis.size(limit.x) if known else None,
         "measured_over_theory": limit.x if known and number is not None else None,
         "number": None if number is None else {"symbol": number.symbol, "limit": axis.theory, "source": number.source},
@@ -244,7 +244,7 @@ def map_figure(limits: Limits, first: Knob, second: Knob, rows: Sequence[tuple[f
     from hpcpic.core.app.figures import COLOURS, new_figure, style
 
     across, limit, measured = ([row[k] for row in rows] for k in range(3))
-    here = first.shown(limits.own[first.name]), second.shown(limits.own[second.name])
+    here = first.shown(limits.case_sizes[first.name]), second.shown(limits.case_sizes[second.name])
     low, high = 0.3 * min(*measured, here[0]), 3.0 * max(*measured, here[0])
     with style():
         fig, ax = new_figure(size=(6.0, 4.0))

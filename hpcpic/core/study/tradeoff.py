@@ -47,7 +47,7 @@ def make_tradeoff_command(app_loader: AppLoader) -> click.Command:
     @click.option("--qoi", metavar="Q", help="What to get right, as 'mean(force_x, from=0.5)'.  [default: the scene's]")
     @click.option("--tolerance", metavar="E", help="Relative error wanted, as 0.01 or 1%: recommend and verify.")
     @click.option("--max-cost", metavar="T", help="Refuse to recommend a run longer than this: 90s, 15m, 2h.")
-    @click.option("--pilots", "most", type=click.FloatRange(3), metavar="N",
+    @click.option("--pilots", "allowance", type=click.FloatRange(3), metavar="N",
                   help="What search and verification may cost together, in pilots of the case's own cost.  "
                        "[default: 20, or 6 s, or half of the whole run, the most of these]")
     @click.option("--write", "target", metavar="FILE", help="Write the recommended case there.")
@@ -78,7 +78,7 @@ class Asked:
     qoi: str | None
     tolerance: str | None
     max_cost: str | None
-    most: float | None
+    allowance: float | None
     target: str | None
     output: str | None
     sets: tuple[str, ...]
@@ -87,53 +87,84 @@ class Asked:
 
 
 def trade(app_loader: AppLoader, asked: Asked) -> None:
-    """Raises ConfigError, and CheckFailed without a recommendation."""
+    """Raises ConfigError, and CheckFailed without a certified recommendation."""
     from hpcpic.core.study import front
     from hpcpic.core.study.recommend import Recommendation
-    from hpcpic.core.study.ways_out import ways
 
     wanted, limit = parse_tolerance(asked.tolerance), parse_seconds(asked.max_cost)
-    if asked.target and wanted is None:
-        raise ConfigError("--write needs --tolerance")
-    if asked.target and Path(asked.target).exists() and not read_header(asked.target).source.startswith("tradeoff;"):
-        raise FileError(f"{asked.target} is there, and not from tradeoff: --write another file")
-    if asked.target and not (place := Path(asked.target).parent).is_dir():
-        raise FileError(f"{place}: no such folder, for --write {asked.target}")
+    if asked.target:
+        refuse_target(asked.target, wanted)
     while True:
         search, record, folder = searched(app_loader(), asked, wanted)
-        tell_laws(search)
-        made = Recommendation(search)
-        points = front.front(made)
+        recommendation = Recommendation(search)
+        tell_laws(recommendation)
+        points = front.front(recommendation)
         tell_front(search, points)
-        verified, refusal = None, ""
-        if wanted is not None:
-            try:
-                verified = recommended(made, wanted, limit)
-            except CheckFailed as error:
-                refusal = error.message
-        budget = search.budget
-        again = search.quieter and budget.left >= budget.used  # which the same with less noise will cost too
-        if wanted is None or (verified is not None and verified.certified) or not again:
+        verified, refusal = (None, "") if wanted is None else recommended(recommendation, wanted, limit)
+        certified = verified is not None and verified.certified
+        affordable = search.budget.left >= search.budget.used  # the same again, with less noise
+        if wanted is None or certified or not (search.quieter and affordable):
             break
         sets = " ".join(f"--set '{setting}'" for setting in search.quieter)
         click.echo(f"\nnot certified: the noise of the start hides it. Again, with less noise: {sets}")
-        asked = replace(asked, sets=(*asked.sets, *search.quieter), most=search.budget.left)
+        asked = replace(asked, sets=(*asked.sets, *search.quieter), allowance=search.budget.left)
     front.write(search, points, verified, refusal, wanted, folder)
     click.echo(f"front: {folder / 'front.png'}, {folder / 'front.csv'}, {folder / 'tradeoff.json'}")
     if wanted is None:
         click.echo(f"search      {search.pilots.took}")
-    if verified is not None and wanted is not None:
-        tell_recommendation(search, verified, wanted)
-        if verified.certified:
+        return
+    if verified is not None:
+        tell_recommendation(recommendation, verified, wanted)
+        if certified:
             record.add(search.laws, verified.proposal.sizes, wanted)
         if asked.target:
             front.write_case(search, verified, wanted, Path(asked.target))
             click.echo(f"written: {asked.target}")
-    if wanted is not None and (verified is None or not verified.certified):
-        known = f"the reference is known to {percent(search.uncertainty)}, {percent(wanted)} is asked for"
-        known = made.doubts(verified, wanted) if verified else known
-        refusal = f"no recommendation: {refusal}; {known}" if refusal else f"not certified: {known}"
-        raise CheckFailed("\n".join([refusal, *(f"way out: {words}" for words in ways(made, wanted))]))
+    if not certified:
+        raise CheckFailed(not_certified(recommendation, verified, refusal, wanted))
+
+
+def refuse_target(target: str, wanted: float | None) -> None:
+    """Raises ConfigError or FileError where --write cannot be done."""
+    if wanted is None:
+        raise ConfigError("--write needs --tolerance")
+    if Path(target).exists() and not read_header(target).source.startswith("tradeoff;"):
+        raise FileError(f"{target} is there, and not from tradeoff: --write another file")
+    if not (folder := Path(target).parent).is_dir():
+        raise FileError(f"{folder}: no such folder, for --write {target}")
+
+
+def recommended(
+    recommendation: Recommendation, wanted: float, limit: float | None
+) -> tuple[Verified | None, str]:
+    """The recommended run; or none, and why: the cost limit or the reference is in the way."""
+    search = recommendation.search
+    predicted = recommendation.expected(wanted).cost * whole_seconds(search)
+    if limit is not None and predicted > limit:
+        way = f"--max-cost {math.ceil(predicted)}s allows it"
+        takes = f"an error of {percent(wanted)} takes {duration(predicted)}"
+        return None, f"{takes}, more than {duration(limit)}: {way}"
+    try:
+        return recommendation.verify(wanted), ""
+    except CheckFailed as error:
+        return None, error.message
+
+
+def not_certified(recommendation: Recommendation, verified: Verified | None, refusal: str, wanted: float) -> str:
+    """Why nothing is certified, and a line for each way out."""
+    from hpcpic.core.study.ways_out import ways
+
+    if verified is None:
+        unknown = percent(recommendation.search.uncertainty)
+        why = f"no recommendation: {refusal}; the reference is known to {unknown}, {percent(wanted)} is asked for"
+    else:
+        why = f"not certified: {recommendation.why_not_certified(verified, wanted)}"
+    return "\n".join([why, *(f"way out: {words}" for words in ways(recommendation, wanted))])
+
+
+def whole_seconds(search: Search) -> float:
+    """Seconds that the steps of the whole run of the case take, by its pilot."""
+    return search.base.seconds * search.pilots.knobs.time / search.quantity.time
 
 
 def searched(app: App, asked: Asked, wanted: float | None) -> tuple[Search, Record, Path]:
@@ -160,8 +191,8 @@ def searched(app: App, asked: Asked, wanted: float | None) -> tuple[Search, Reco
         n = len(record.others)
         click.echo(f"record      {n} earlier search{'es' if n > 1 else ''} of like scenes tell where to begin: {near}\n"
                    f"            ({record.place})")
-    brief = wanted is not None
-    search = Search(pilots, listed, choices, quantity, wanted or WANTED, asked.most, brief=brief, hints=hints)
+    search = Search(pilots, listed, choices, quantity, wanted or WANTED, asked.allowance,
+                    trust_theory=wanted is not None, hints=hints)
     return search, record, folder
 
 
@@ -209,9 +240,9 @@ def scalars_of(app: App, config: Any) -> list[str]:
 
     pool = Pool(1)
     try:
-        made = app.load()(config, World.alone(), pool, Timers())
-        made.close()
-        return list(made.scalar_units)
+        model = app.load()(config, World.alone(), pool, Timers())
+        model.close()
+        return list(model.scalar_units)
     finally:
         pool.close()
 
@@ -246,8 +277,8 @@ def chosen_knobs(knobs: Knobs, names: str | None) -> tuple[list, list]:
     return listed, [choice for choice in knobs.choices if choice.name in asked]
 
 
-def tell_laws(search: Search) -> None:
-    rows = []
+def tell_laws(recommendation: Recommendation) -> None:
+    search, rows = recommendation.search, []
     for knob in search.knobs:
         law = search.laws[knob.name]
         order = "none" if math.isnan(law.order) else f"{law.order:.2f}"
@@ -265,7 +296,7 @@ def tell_laws(search: Search) -> None:
     click.echo()
     heads = ("knob", "here", "pilots", "order", "theory", "asymptotic", "bound here", "cost exponent", "its theory")
     table(heads, rows, right=("bound here",))
-    for scheme in search.schemes[1:]:
+    for scheme in recommendation.proposals.schemes[1:]:
         own = f", error {percent(scheme.floor)}" if scheme.floor else ""
         click.echo(f"{scheme.words}: {scheme.cost:.2f} times the cost{own}")
     known = "" if search.quantity.exact is None else f", {percent(search.floor)} of it from no knob"
@@ -286,7 +317,7 @@ def sizes_text(search: Search, sizes: Any) -> str:
 def tell_front(search: Search, points: list) -> None:
     from hpcpic.core.study.error_models import slope
 
-    whole = search.base.seconds * search.pilots.knobs.time / search.quantity.time
+    whole = whole_seconds(search)
     click.echo()
     if not points:
         click.echo(f"front: none, as the reference is known to {percent(search.uncertainty)} only")
@@ -306,25 +337,12 @@ def against(ratio: float, more: str = "faster", less: str = "dearer") -> str:
     return f"{ratio:.3g} times {more}" if ratio >= 1.0 else f"{1 / ratio:.3g} times {less}"
 
 
-def recommended(made: Recommendation, wanted: float, limit: float | None) -> Verified:
-    """Raises CheckFailed when the cost limit or the reference is in the way."""
-    search = made.search
-    whole = search.base.seconds * search.pilots.knobs.time / search.quantity.time
-    predicted = made.first(wanted).cost * whole
-    if limit is not None and predicted > limit:
-        way = f"--max-cost {math.ceil(predicted)}s allows it"
-        takes = f"an error of {percent(wanted)} takes {duration(predicted)}"
-        raise CheckFailed(f"{takes}, more than {duration(limit)}: {way}")
-    return made.verify(wanted)
-
-
-def tell_recommendation(search: Search, verified: Verified, wanted: float) -> None:
-    from hpcpic.core.study.recommend import Recommendation
-
+def tell_recommendation(recommendation: Recommendation, verified: Verified, wanted: float) -> None:
+    search = recommendation.search
     proposal, scale = verified.proposal, search.pilots.knobs.time / search.quantity.time
     click.echo()
     rows = [
-        (knob.name, f"{knob.shown(search.own[knob.name]):.5g}",
+        (knob.name, f"{knob.shown(search.case_sizes[knob.name]):.5g}",
          f"{knob.shown(proposal.sizes[knob.name]):.5g} {knob.unit}", percent(proposal.shares[knob.name]))
         for knob in search.knobs
     ]  # fmt: skip
@@ -336,11 +354,11 @@ def tell_recommendation(search: Search, verified: Verified, wanted: float) -> No
     faster, fewer = search.base.seconds * scale / seconds, search.base.work / verified.pilot.work
     estimated = search.base.price / verified.pilot.price
     beside = [f"{words} neighbour {percent(error)}" for words, error in verified.neighbours.items()]
-    dearest = Recommendation(search).dearest(proposal)
+    dearest = recommendation.neighbour_allowance(proposal)
     left_out = " and ".join(words for words in ("coarser", "finer") if words not in verified.neighbours)
     beside += [f"{left_out} neighbour not run: dearer than {dearest:.2g} pilots, or beyond a limit"] if left_out else []
-    seen = search.pilots.knobs.seen
-    field = f"; {seen.name} at the end off by {percent(verified.field)}" if seen and verified.field >= 0.0 else ""
+    seen, field_error = search.pilots.knobs.seen, verified.field_error
+    field = f"; {seen.name} at the end off by {percent(field_error)}" if seen and field_error >= 0.0 else ""
     compared = (
         f", {against(faster)} than the case (estimated: {against(estimated)}); "
         f"{against(fewer, 'fewer', 'more')} {search.pilots.knobs.work_unit}"

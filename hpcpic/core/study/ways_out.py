@@ -9,46 +9,48 @@ from hpcpic.core.app.text import duration, percent
 from hpcpic.core.errors import CheckFailed
 from hpcpic.core.study.recommend import Recommendation
 
-HOPELESS = 0.99  # a tolerance that says nothing, and that --tolerance refuses
+LARGEST_TOLERANCE = 0.99  # beyond it a tolerance says nothing, and --tolerance refuses it
 SEEDS = (2, 3, 4)  # of the ensemble that a refusal measures
-DAYS = 1e6  # s: what takes longer is no way out
-HALVINGS = 12  # of all knobs together, that a way out may name
+MAX_SECONDS = 1e6  # of a way out
+MAX_HALVINGS = 12  # of all knobs together, in a way out
 
 
-def ways(made: Recommendation, tolerance: float) -> list[str]:
-    """What to do where nothing is certified, each with its price."""
-    search = made.search
+def ways(recommendation: Recommendation, tolerance: float) -> list[str]:
+    """Sentences on what the user can do where nothing is certified, each with its price."""
+    search, found = recommendation.search, list[str]()
     reached = search.error(search.value) + search.uncertainty
-    found, enough = list[str](), 1.05 * reached
-    if enough < HOPELESS:
-        found.append(f"--tolerance {percent(enough).replace(' ', '')} is certified by the case itself, at no cost")
+    enough = 1.05 * reached
     if reached <= tolerance:
-        found = [f"the case itself is off by {percent(search.error(search.value))}: it may stay as it is"]
+        found.append(f"the case itself is off by {percent(search.error(search.value))}: it may stay as it is")
+    elif enough < LARGEST_TOLERANCE:
+        found.append(f"--tolerance {percent(enough).replace(' ', '')} is certified by the case itself, at no cost")
     if search.quieter:
         found.append(f"a start with less noise: {' '.join(f'--set {setting}' for setting in search.quieter)}")
-    return [*found, *dearer(made, tolerance), *deeper(made, tolerance), *ensemble(made, tolerance)]
+    for more in (unaffordable, finer_pilots, ensemble):
+        found += more(recommendation, tolerance)
+    return found
 
 
-def dearer(made: Recommendation, tolerance: float) -> list[str]:
+def unaffordable(recommendation: Recommendation, tolerance: float) -> list[str]:
     """Settings that the laws promise to be good enough, and that were not run for their price."""
-    proposal, search = made.first(tolerance), made.search
-    price = made.price(proposal)
+    proposal, search = recommendation.expected(tolerance), recommendation.search
+    price = recommendation.proposals.price(proposal)
     seconds = price * search.base.seconds
-    if price <= search.budget.left or seconds > DAYS:
+    if price <= search.budget.left or seconds > MAX_SECONDS:
         return []
     pilots = math.ceil(max(2.0 * price, search.budget.used + price))  # the other half may go to the search
-    return [f"--pilots {pilots} runs {made.text(proposal)} too, {duration(seconds)}"]
+    return [f"--pilots {pilots} runs {recommendation.proposals.text(proposal)} too, {duration(seconds)}"]
 
 
-def deeper(made: Recommendation, tolerance: float) -> list[str]:
+def finer_pilots(recommendation: Recommendation, tolerance: float) -> list[str]:
     """Finer pilots, until the reference is known to half of the tolerance; or a finer case where none helps."""
-    search = made.search
+    search = recommendation.search
     doubts = {law.name: law.doubt for law in search.laws.values()}
     halved = dict.fromkeys(doubts, 0)
     cost = {knob.name: knob.cost for knob in search.knobs}
     finest = {law.name: min(float(law.sizes[0]) / law.here, 1.0) for law in search.laws.values()}
     extra = 0.0
-    while sum(doubts.values()) > 0.5 * tolerance and sum(halved.values()) < HALVINGS:
+    while sum(doubts.values()) > 0.5 * tolerance and sum(halved.values()) < MAX_HALVINGS:
         name = max(doubts, key=doubts.__getitem__)
         doubts[name] *= 0.5 ** search.laws[name].used
         halved[name] += 1
@@ -58,25 +60,25 @@ def deeper(made: Recommendation, tolerance: float) -> list[str]:
     drawn = any(halved[law.name] and law.random for law in search.laws.values())
     if not drawn:
         pilots = search.budget.asking(search.budget.used + extra)
-        if extra * search.base.seconds > DAYS:
+        if extra * search.base.seconds > MAX_SECONDS:
             return []
         return [f"--pilots {pilots} may measure it: about {duration(extra * search.base.seconds)} more"]
-    sizes = {name: search.own[name] * 0.5**n for name, n in halved.items() if n}
+    sizes = {name: search.case_sizes[name] * 0.5**n for name, n in halved.items() if n}
     factor = math.prod(2.0 ** (cost[name] * n) for name, n in halved.items())
-    sets = " ".join(f"--set {word}" for word in different(made, sizes))
+    sets = " ".join(f"--set {word}" for word in changed_settings(recommendation, sizes))
     return [f"start from a finer case: {sets}, {duration(factor * search.base.seconds)} a pilot"]
 
 
-def different(made: Recommendation, sizes: Mapping[str, float]) -> list[str]:
+def changed_settings(recommendation: Recommendation, sizes: Mapping[str, float]) -> list[str]:
     """The --set list of these sizes, without what the case says already."""
-    knobs = made.pilots.knobs
-    own = set(knobs.settings(made.search.own, knobs.time))
-    return [word for word in knobs.settings({**made.search.own, **sizes}, knobs.time) if word not in own]
+    knobs, case_sizes = recommendation.pilots.knobs, recommendation.search.case_sizes
+    before = set(knobs.settings(case_sizes, knobs.time))
+    return [word for word in knobs.settings({**case_sizes, **sizes}, knobs.time) if word not in before]
 
 
-def ensemble(made: Recommendation, tolerance: float) -> list[str]:
-    """Where numbers are drawn: how far seeds lie apart, and how many make a mean that is known to the tolerance."""
-    search, knobs = made.search, made.pilots.knobs
+def ensemble(recommendation: Recommendation, tolerance: float) -> list[str]:
+    """How far the random states of a scene lie apart, and how many make a mean that is known to the tolerance."""
+    search, knobs = recommendation.search, recommendation.pilots.knobs
     other = knobs.seed or knobs.shaken
     if other is None or not any(not law.asymptotic and not law.idle for law in search.laws.values()):
         return []
@@ -85,7 +87,7 @@ def ensemble(made: Recommendation, tolerance: float) -> list[str]:
     values = [search.value] if knobs.seed else []
     for seed in SEEDS:
         more = (*other(seed), *search.snapshot)
-        pilot = made.pilots.run(search.own, search.quantity.time, None, more, words=f"seed {seed}")
+        pilot = recommendation.pilots.run(search.case_sizes, search.quantity.time, None, more, words=f"seed {seed}")
         try:
             values.append(search.measured(pilot))
         except CheckFailed:

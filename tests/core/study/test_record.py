@@ -11,8 +11,8 @@ import pytest
 
 from hpcpic.core.app.read import read_case
 from hpcpic.core.cli.main import build
-from hpcpic.core.study import budget, record
-from hpcpic.core.study.record import Found, Hint, Law, Record, words
+from hpcpic.core.study import pilot, record
+from hpcpic.core.study.record import Hint, Law, PastSearch, Record, words
 
 B = 0.3  # of error_app: its error in dt is -B dt^2
 
@@ -21,7 +21,7 @@ B = 0.3  # of error_app: its error in dt is -B dt^2
 def case(tmp_path, monkeypatch):
     """read(settings) -> the case with them; its record lies in a cache of this test."""
     monkeypatch.setenv("HPCPIC_CACHE_DIR", str(tmp_path / "cache"))
-    monkeypatch.setattr(budget, "THRIFT", 0.0)  # these pilots cost nothing
+    monkeypatch.setattr(pilot, "USUAL_SECONDS", 0.0)  # these pilots cost nothing
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "case.conf"
     path.write_text("steps = 400;\ndt = 0.05;\n")
@@ -87,7 +87,7 @@ def test_a_damaged_record_is_none_and_one_line_says_so(case, damage, caplog, mon
 
 
 def line(laws, tolerance=0.01):
-    found = Found("other", tolerance, laws)
+    found = PastSearch("other", tolerance, laws)
     return json.dumps(asdict(found)).encode() + b"\n"
 
 
@@ -139,5 +139,5 @@ def test_first_levels_lie_where_the_recommendation_is_expected(factor, steady, n
 def test_a_law_foretells_the_size_of_an_error_and_no_more_than_was_seen():
     law = Law(0.1, 0.01, 2.0, True, 1.0)
     assert law.foreseen(0.01) == pytest.approx(0.1) and law.foreseen(0.0025) == pytest.approx(0.05)
-    assert law.foreseen(1.0) == pytest.approx(record.FARTHER * 0.1)
-    assert replace(law, error=0.0).foreseen(0.01) == pytest.approx(record.FARTHER * 0.1)
+    assert law.foreseen(1.0) == pytest.approx(record.EXTRAPOLATION * 0.1)
+    assert replace(law, error=0.0).foreseen(0.01) == pytest.approx(record.EXTRAPOLATION * 0.1)

@@ -101,7 +101,7 @@ def test_growth_of_a_size_that_cannot_be_met_is_told_once():
 
     class Ended(Limits):
         def __init__(self):
-            self.own, self.knobs = {"dx": 1.0}, SimpleNamespace(horizon=1.0)
+            self.case_sizes, self.knobs = {"dx": 1.0}, SimpleNamespace(horizon=1.0)
 
         config = staticmethod(lambda sizes: sizes["dx"])
         run = staticmethod(lambda sizes, *_, **__: None)

@@ -20,7 +20,7 @@ from hpcpic.core.case.config import load
 from hpcpic.core.case.schema import validate
 from hpcpic.core.cli.main import build
 from hpcpic.core.errors import ConfigError
-from hpcpic.core.study import budget, search
+from hpcpic.core.study import pilot, proposals, search
 from hpcpic.core.study.error_models import (
     SAFETY,
     SAFETY_IMPLAUSIBLE,
@@ -33,8 +33,7 @@ from hpcpic.core.study.error_models import (
     scattered,
     weights,
 )
-from hpcpic.core.study.front import commented
-from hpcpic.core.study.recommend import Proposal, Recommendation
+from hpcpic.core.study.proposals import Proposal, Proposals, Scheme
 from hpcpic.core.study.tradeoff import against, make_tradeoff_command, parse_tolerance
 
 A, B, C = 0.4, 0.3, 0.02  # of error_app
@@ -153,13 +152,6 @@ def test_what_is_slower_is_called_dearer():
     assert against(0.5, "fewer", "more") == "2 times more"
 
 
-def test_comments_stand_at_their_keys():
-    text = "a = 1;\ng = {\n  a = 2;  # s\n};\nl = (\n  {\n    a = 3;\n  },\n  {\n    a = 4;\n  }\n);\n"
-    made = commented(text, {"a": "top", "g.a": "inner", "l[1].a": "second"})
-    assert "a = 1;  # top" in made and "a = 2;  # s, inner" in made and "a = 4;  # second" in made
-    assert "a = 3;\n" in made
-
-
 # ------------------------------------------------------------------------------------------------ the program
 
 
@@ -176,7 +168,7 @@ def program(tmp_path, monkeypatch, capfd):
     (tmp_path / "case.conf").write_text("# what: known errors\nsteps = 400;\ndt = 0.05;\n")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("HPCPIC_CACHE_DIR", str(tmp_path / "cache"))  # where the record of searches is
-    monkeypatch.setattr(budget, "THRIFT", 0.0)  # these pilots cost nothing
+    monkeypatch.setattr(pilot, "USUAL_SECONDS", 0.0)  # these pilots cost nothing
 
     def run(*words, **settings):
         sets = [word for key, value in settings.items() for word in ("--set", f"{key}={value}")]
@@ -230,12 +222,12 @@ def test_a_recommendation_keeps_the_tolerance_without_luck_and_goes_on_where_it_
 
 def test_a_scheme_that_fails_together_with_the_knobs_is_left_for_the_next_best(program, tmp_path, monkeypatch):
     """mode 2 halves the error in dx in every pilot that turns one knob, and makes 40 times as much of it with two."""
-    monkeypatch.setattr(search, "WORTH", 0.95)  # here it saves a tenth of the cost, not a fifth
+    monkeypatch.setattr(proposals, "WORTHWHILE", 0.95)  # here it saves a tenth of the cost, not a fifth
     timed = search.Search.pilot
 
     def priced(*words, **more):  # clocks would decide which scheme is tried
-        pilot = timed(*words, **more)
-        return replace(pilot, seconds=pilot.price)
+        run = timed(*words, **more)
+        return replace(run, seconds=run.price)
 
     monkeypatch.setattr(search.Search, "pilot", priced)
     done = program("tradeoff", "-o", "out", "--tolerance", "0.3%", dear=4)
@@ -357,11 +349,11 @@ def test_what_check_warns_of_is_not_recommended(program, tmp_path, monkeypatch):
 def test_what_is_far_finer_than_the_case_has_the_price_of_theory():
     """Start-up hides what coarse pilots take: their clocks alone would call a far finer run nearly as cheap."""
     base, knob = SimpleNamespace(price=1.0), SimpleNamespace(name="dx", cost=3.0)
-    known = SimpleNamespace(pilots=None, schemes=[], knobs=[knob], own={"dx": 1.0}, base=base)
+    known = SimpleNamespace(pilots=None, choices=(), laws={}, knobs=[knob], case_sizes={"dx": 1.0}, base=base)
     known.budget = SimpleNamespace(allowance=10.0)
-    scheme = search.Scheme({}, 1.0, 0.0, ())
+    scheme = Scheme({}, 1.0, 0.0, ())
     far = Proposal(scheme, {"dx": 0.1}, {}, cost=2.0)  # by exponents of clocks
-    assert Recommendation(known).price(far) == pytest.approx(1000.0)
+    assert Proposals(known).price(far) == pytest.approx(1000.0)
 
 
 def test_a_recommendation_below_what_is_known_is_marked_and_its_way_out_leads_to_a_certified_one(program, tmp_path):

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 from test_tradeoff import program  # noqa: F401
 
-from hpcpic.core.study import front, recommend
+from hpcpic.core.study import front, proposals, recommend
 
 WORDS = ("tradeoff", "-o", "out", "--knobs", "dx", "--tolerance")
 
@@ -57,11 +57,11 @@ def test_where_the_laws_promise_less_neighbours_are_run_whatever_they_cost(monke
     law = SimpleNamespace(name="dx", idle=False, bound=lambda size: bound)
     scheme = SimpleNamespace(laws=(law,), others={}, cost=1.0, floor=0.0)
     search = SimpleNamespace(
-        pilots=SimpleNamespace(legal=lambda *_: True, knobs=SimpleNamespace(seen=None)), schemes=[scheme],
+        pilots=SimpleNamespace(legal=lambda *_: True, knobs=SimpleNamespace(seen=None)), choices=(), laws={},
         budget=SimpleNamespace(left=10.0), cost=lambda *_: 3.0, wanted=0.01, floor=0.0, uncertainty=0.0,
         quantity=SimpleNamespace(time=1.0), base=SimpleNamespace(warnings=()), error=abs, measured=lambda pilot: 0.004,
         pilot=lambda sizes, *_: SimpleNamespace(sizes=sizes),
     )  # fmt: skip
-    proposal = recommend.Proposal(scheme, {"dx": 1.0}, {"dx": bound}, 1.0)
+    proposal = proposals.Proposal(scheme, {"dx": 1.0}, {"dx": bound}, 1.0)
     asked = recommend.Verified(proposal, SimpleNamespace(sizes={"dx": 1.0}, warnings=()), 0.004, math.nan, True)
-    assert list(recommend.Recommendation(search).compared(asked).neighbours) == run
+    assert list(recommend.Recommendation(search).with_neighbours(asked).neighbours) == run
