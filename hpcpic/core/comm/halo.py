@@ -23,7 +23,7 @@ from hpcpic.core.tasks.graph import Graph, bind
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """What two ranks have to do with each other, as layers of the rank's own array (its ghosts counted).
+    """The layers that two ranks exchange, as layers of the rank's own array (its ghosts counted).
 
     sources: inner layers that the peer keeps as ghosts; ghosts: layers that the peer owns. The k-th source
     here is the k-th ghost there.
@@ -90,7 +90,7 @@ class _Operation(NamedTuple):
 
 
 class Exchange(ABC):
-    """What Fill and Fold have in common: legs, messages, counters.
+    """An exchange of layers: the messages and operations that Fill and Fold share.
 
     sent, bytes: messages of this rank in one exchange, which must not be under way twice at a time.
     """
@@ -121,11 +121,11 @@ class Exchange(ABC):
 
     @abstractmethod
     def _before(self) -> list[_Operation]:
-        """What is done before the messages go."""
+        """The operations before the messages are sent."""
 
     @abstractmethod
     def _after(self) -> list[_Operation]:
-        """What is done when they have come."""
+        """The operations when the messages have arrived."""
 
     def _packs(self, reads: str) -> list[_Operation]:
         packs = []

@@ -10,7 +10,7 @@ def library() -> str:
 
 
 def thread_level() -> str:
-    """What MPI promises to threads. Starts MPI."""
+    """The level of thread support of MPI. Starts MPI."""
     from mpi4py import MPI
 
     names = ("SINGLE", "FUNNELED", "SERIALIZED", "MULTIPLE")

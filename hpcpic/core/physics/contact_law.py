@@ -35,7 +35,7 @@ class ContactLaw(NamedTuple):
 
 
 class NormalForce(NamedTuple):
-    """What acts along the normal of a contact; forces, and with them power, are per metre of depth in 2D.
+    """The force along the normal of a contact, and numbers beside it; forces and power are per metre of depth in 2D.
 
     force (N) pushes the bodies apart; travel (m): what the overlap changes by in a step; steps: overlap over travel, so
     many steps ago the contact began, or so many ahead it ends; loss (W): power that the dashpot turns into heat.

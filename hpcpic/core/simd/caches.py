@@ -195,7 +195,7 @@ class Store:
             self._not_kept(error)
 
     def read(self, name: str) -> bytes | None:
-        """What was written last under this name."""
+        """The content that was written last under this name."""
         if self.folder is None:
             return None
         try:

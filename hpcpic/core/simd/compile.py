@@ -13,6 +13,7 @@ import io
 import linecache
 import os
 import pickle
+import re
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -39,6 +40,7 @@ from hpcpic.core.simd.resolution import remember
 
 _ROOT = Path(__file__).resolve().parents[3]  # of the packages
 _KERNEL_FOLDERS = {"simd", "space", "comm", "tasks", "physics", "kernels"}
+_COMPILES = re.compile(rb"simd\.compile import .*\bnjit\b")  # in a file that has kernels of its own
 _FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 _BARE = "no_cpython_wrapper"  # the option of numba
 PATIENCE_SECONDS = 60.0  # with another process that compiles what is needed here
@@ -49,7 +51,7 @@ generated: dict[str, str] = {}  # names of generated modules -> the program they
 
 
 class Compilations(event.Listener):
-    """How many functions this process has compiled, that no cache had."""
+    """Counts the functions that this process has compiled, as no cache had them: `n`."""
 
     n = 0
 
@@ -76,8 +78,8 @@ def program_of(module: str) -> str | None:
 
 
 def _kernel_sources(program: str) -> list[Path]:
-    """Files whose edit may change compiled code of a program: the kernel folders and whatever compiles by itself, in
-    the core and in the program.
+    """Files whose edit may change compiled code of a program: the kernel folders and files with kernels of their own,
+    in the core and in the program.
     """
     folders = [_ROOT / "hpcpic" / "core"]
     if program == EVERY:
@@ -88,7 +90,7 @@ def _kernel_sources(program: str) -> list[Path]:
     return [
         file
         for file in files
-        if _KERNEL_FOLDERS & {*file.relative_to(_ROOT).parts} or b"simd.compile" in file.read_bytes()
+        if _KERNEL_FOLDERS & {*file.relative_to(_ROOT).parts} or _COMPILES.search(file.read_bytes())
     ]
 
 

@@ -39,7 +39,7 @@ def require_unchanged() -> None:
 
 
 def kept() -> dict[str, dict[str, str]]:
-    """What the registered functions read, by what they are: a run tells it, for its restarts."""
+    """The values that the registered functions read, long arrays as hashes: run.json keeps them, for restarts."""
     return {what: values for what, (_, values) in _registered.items() if values}
 
 

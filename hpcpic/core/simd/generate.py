@@ -56,7 +56,7 @@ def specialise(
     replaced: Sequence[str] = (),
     **constants: object,
 ) -> ModuleType:
-    """What the files `stems` of a package define, with head constants set; a later file's in place of an earlier one's.
+    """The definitions of the files `stems` of a package, with head constants set; those of a later file replace others.
 
     A constant's line `NAME = ...` gets str(value). more: text at the end of a file. What a file imports of those before
     it, or of one in whose place some of them stand, `replaced`, is theirs. Each definition becomes a module of its own

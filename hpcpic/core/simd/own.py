@@ -1,4 +1,5 @@
-"""What cases may name, as smoothing kernels or loaders, also from files of the user: a run keeps a copy of those."""
+"""Registries of what cases may name, as smoothing kernels or loaders, also from files of the user: a run keeps a copy.
+"""
 
 import sys
 from collections.abc import Callable
@@ -29,12 +30,12 @@ def enter(
 
 
 def taken(kind: str, name: str) -> ValueError:
-    """What to raise where another thing of this kind has the name."""
+    """The error where another thing of this kind has the name already."""
     return ValueError(f"there is another {kind} {name!r}: give yours another name")
 
 
 def _called(function: Any) -> Any:
-    """What a functools.partial calls; others as they are."""
+    """The function that a functools.partial calls; another object as it is."""
     return getattr(function, "func", function)
 
 

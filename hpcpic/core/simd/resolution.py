@@ -1,4 +1,4 @@
-"""What numba finds for a function that is called with arguments of some types, remembered.
+"""The types that numba infers for calls of a function, remembered.
 
 numba tries the implementations of a function one after the other: of `+` those of texts, lists and sets too, each time
 a kernel adds two numbers. That took a seventh of the time to compile. What it finds is what it found before: a function

@@ -61,9 +61,7 @@ class Arena:
         }
 
     def reserve(self, **sizes: int) -> bool:
-        """Make room: sizes grow to what is asked and an eighth more. Values stay, but those of phases are lost.
-        Whether any array moved.
-        """
+        """Let sizes grow to these and an eighth more. Values stay, but those of phases are lost. True if one moved."""
         grown = {name: n + n // SPARE for name, n in sizes.items() if n > self.sizes[name]}
         if not grown:
             return False
@@ -93,7 +91,7 @@ class Arena:
         self._groups |= kinds
 
     def value(self, name: str) -> Any:
-        """What a kernel's argument of this name gets. KeyError for a name that nobody has given."""
+        """The value of a kernel's argument of this name. KeyError for a name that was not given."""
         kind = self._groups.get(name)
         if kind is None:
             return self._values[name]
@@ -122,7 +120,7 @@ class Arena:
         team.ask(self._asked[kernel])
 
     def call(self, kernel: Any, /, **more: Any) -> Any:
-        """Call the kernel now, with arguments as `bind` finds them; what it returns."""
+        """Call the kernel now, with arguments as `bind` finds them; returns its result."""
         if kernel in self._asked:
             team.want([self._asked.pop(kernel)])
         return kernel(*self._arguments(kernel, more))
