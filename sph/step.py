@@ -256,21 +256,22 @@ class Sph:
         self.current_forces()
         return self.forces.now()
 
-    def scalars(self, glance: bool = False) -> Mapping[str, float]:
-        """Energies, mass, momentum, extremes, forces, gauges; a glance is no reading of a gauge. Collective."""
+    def scalars(self) -> Mapping[str, float]:
+        """Energies, mass, momentum, extremes, forces, gauges. Collective."""
         with self.timers.section("scalars"):
             if self.forces.measured or self.sensors.gauges:
                 self.current_forces()
             found = self.runaway.fluid_scalars() | scalars.wall_scalars(self.scene, self.forces)
             found |= {"dt": self.clock.time_step, "strays": float(self.strays.count)}
             found |= self.bodies.scalars() if self.bodies else {}
-            found |= self.gauges.values(self.clock.time, glance)
+            found |= self.gauges.values(self.clock.time)
             return {name: found[name] for name in self.scalar_units if name in found}
 
-    @property
-    def gauges_remember(self) -> bool:
-        """Whether `scalars` changes the state, as gauges remember when they were read; then a glance does not."""
-        return self.gauges.remember
+    def sampled(self) -> None:
+        """Let means over time of gauges begin anew, as the series has the scalars of this time. Collective."""
+        if self.sensors.gauges:
+            self.current_forces()
+        self.gauges.sampled(self.clock.time)
 
     def fields(self) -> Mapping[str, FieldArray]:
         """Nothing: there is no mesh."""

@@ -25,35 +25,39 @@ Own = dict[str, NDArray]
 
 
 class Gauges:
-    """The gauges of a run; `since`: the time up to which they have been read."""
+    """The gauges of a run; `since`: the time of the last sample of the series."""
 
     def __init__(self, storage: Storage, sensors: Sensors, since: float = -math.inf) -> None:
         self.storage, self.scene, self.world, self.sensors = storage, storage.scene, storage.world, sensors
         self.since = since
-        self._told: tuple[float, dict[str, float]] = (math.nan, {})  # the last time and readings
+        self._last: tuple[float, dict[str, float]] = (math.nan, {})  # time and readings
         self._beds: dict[str, float] = {}  # by gauge
 
     @property
     def remember(self) -> bool:
-        """Whether a reading depends on the one before: then that is a part of the state."""
+        """Whether a reading depends on the last sample: then its time is a part of the state."""
         return any(gauge.kind is WALL_PRESSURE or gauge.period for gauge in self.scene.config.gauge)
 
-    def values(self, time: float, glance: bool = False) -> dict[str, float]:
-        """Readings of the gauges whose period is over: one number each, or one per axis; of one time the same, however
-        often they are asked for. Means begin anew with each, but for a glance, which leaves the state. Collective.
-        """
-        if time == self._told[0]:
-            return self._told[1]
-        found: dict[str, float] = {}
-        asked = [gauge for gauge in self.scene.config.gauge if due(gauge, time, self.since)]
-        points = [gauge for gauge in asked if gauge.kind.at_point]
-        if points:
-            found |= self.at_points(points)
-        found |= {gauge.name: self.read(gauge) for gauge in asked if not gauge.kind.at_point}
-        if not glance:
-            self.sensors.begin_anew([gauge for gauge in asked if gauge.kind is WALL_PRESSURE])
-            self.since, self._told = time, (time, found)
-        return found
+    def due(self, time: float) -> list[Gauge]:
+        """The gauges whose period is over."""
+        return [gauge for gauge in self.scene.config.gauge if due(gauge, time, self.since)]
+
+    def values(self, time: float) -> dict[str, float]:
+        """Readings of the gauges whose period is over: one number each, or one per axis. Collective."""
+        if time != self._last[0]:
+            gauges = self.due(time)
+            points = [gauge for gauge in gauges if gauge.kind.at_point]
+            readings = self.at_points(points) if points else {}
+            readings |= {gauge.name: self.read(gauge) for gauge in gauges if not gauge.kind.at_point}
+            self._last = time, readings
+        return self._last[1]
+
+    def sampled(self, time: float) -> None:
+        """Let means over time begin anew, as the series has the readings of this time. Collective."""
+        if self.remember:
+            self.values(time)  # which stay the readings of this time
+            self.sensors.begin_anew([gauge for gauge in self.due(time) if gauge.kind is WALL_PRESSURE])
+            self.since = time
 
     def read(self, gauge: Gauge) -> float:
         """What one gauge that is no point reads from the fluid of all ranks. Collective."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
+from functools import partial
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
     from hpcpic.core.case.config import Tree
     from hpcpic.core.files.rundir import RunDir
-    from hpcpic.core.run.model import Model, Remembering
+    from hpcpic.core.run.model import Model
 
 Look = TypeVar("Look", bound="Callable[[Simulation], object]")
 
@@ -85,11 +86,10 @@ class Simulation:
         super().__setattr__(name, value)
 
     def _take_up(self, app: App, rundir: RunDir, tree: Tree) -> None:
-        from hpcpic.core.cli.job import fixed_settings, refuse_others
         from hpcpic.core.run import checkpoint
 
         reader = checkpoint.newest(rundir, self.world)
-        refuse_others(reader, app, fixed_settings(app, tree))
+        checkpoint.require_same_case(reader, app.name, app.fixed_settings(tree))
         checkpoint.hold(reader, self.model.columns(reader), self.world)
         self.model.restore(reader)
 
@@ -238,8 +238,7 @@ class Simulation:
         those since the last sample that a run of the case would have taken; a call begins none anew.
         """
         self._meet("scalars()")
-        found = cast("Remembering", self.model).scalars(glance=True) if self._series else self.model.scalars()
-        return {name: float(value) for name, value in found.items()}
+        return {name: float(value) for name, value in self.model.scalars().items()}
 
     @property
     def scalar_units(self) -> Mapping[str, str]:
@@ -307,19 +306,15 @@ class Simulation:
 
 
 def _series_of(model: Model, begun: bool) -> list[Observer]:
-    """What reads gauges that remember it when a run would, for its series, so that the state goes on as that of a run;
-    nothing where there are none.
+    """An observer that begins means over time anew when a run would sample its series, so that the state is that of a
+    run; none where there are no such means.
     """
-    from hpcpic.core.run.outputs import trigger_of
+    from hpcpic.core.run.outputs import begin_means, trigger_of
 
     trigger = trigger_of(model, "series", begun)
-    if trigger is None or not getattr(model, "gauges_remember", False):
+    if trigger is None or not hasattr(model, "sampled"):
         return []
-
-    def read() -> None:
-        model.scalars()
-
-    return [Observer("series", trigger, read, seen=model.iteration if begun else None)]
+    return [Observer("series", trigger, partial(begin_means, model), seen=model.iteration if begun else None)]
 
 
 def _kept(values: NDArray) -> NDArray:

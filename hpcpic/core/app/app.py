@@ -1,4 +1,4 @@
-"""What the command line knows of a simulator. Its fields are functions, so that nothing heavy is imported early."""
+"""A simulator as the command line knows it. Its fields are functions, so that nothing heavy is imported early."""
 
 from __future__ import annotations
 
@@ -59,6 +59,13 @@ class App:
     def may_change(self, key: str) -> bool:
         """True if a restart may change this setting, which then does not belong to the state."""
         return any(key == free or key.startswith((f"{free}.", f"{free}[")) for free in self.free)
+
+    def fixed_settings(self, tree: Tree) -> dict[str, str]:
+        """key -> value of the settings of a case that belong to the state: a restart cannot change them."""
+        from hpcpic.core.case.config import leaves
+        from hpcpic.core.case.texts import value_text
+
+        return {key: value_text(value) for key, value in leaves(tree.data) if not self.may_change(key)}
 
 
 AppLoader = Callable[[], App]

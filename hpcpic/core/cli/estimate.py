@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import click
 
+from hpcpic.core import memory
 from hpcpic.core.app.app import App, AppLoader
 from hpcpic.core.app.forecast import Estimate
 from hpcpic.core.app.rates import MEASURED, rates_file, read_rates
@@ -13,14 +15,15 @@ from hpcpic.core.app.read import read_case, set_option, shape_options
 from hpcpic.core.app.text import amount, duration, shown, table
 from hpcpic.core.app.use import use_option
 from hpcpic.core.cores import allotted, crowded
+from hpcpic.core.errors import ConfigError
 from hpcpic.core.run.summary import several
 
 MIB = 2.0**20
 SMALL = 0.005  # share of the memory: smaller arrays share a row
 
 
-def numbers(estimate: Estimate) -> dict[str, float]:
-    """The estimate in the units of run.json."""
+def facts(estimate: Estimate) -> dict[str, float]:
+    """The estimate as run.json tells it, in its units."""
     return {
         "step_seconds": estimate.step_seconds,
         "step_ms": 1e3 * estimate.step_seconds,
@@ -29,6 +32,25 @@ def numbers(estimate: Estimate) -> dict[str, float]:
         "memory_mib_per_rank": sum(estimate.memory.values()) / MIB,
         "disk_mib": sum(estimate.disk.values()) / MIB,
     }
+
+
+def require_memory(app: App, config: Any, ranks: int, ranks_here: int, force: bool) -> list[str]:
+    """A warning where the ranks on this machine need more memory than it has: the out-of-memory killer of the kernel
+    would end them without a message. ConfigError without `force`.
+    """
+    items = app.estimate(config, ranks, 1, read_rates()).memory
+    needed, free = ranks_here * sum(items.values()), memory.free() + ranks_here * memory.held()
+    if needed <= free:
+        return []
+    largest = max(items, key=lambda name: items[name])
+    text = (
+        f"memory: {several(ranks_here, 'rank')} on this machine take about {amount(needed)}, most of it for "
+        f"{largest}, and there are {amount(free)}: a case of {free / needed:.1%} of the size fits, or "
+        f"{math.ceil(needed / free)} such machines"
+    )
+    if not force:
+        raise ConfigError(f"{text} (--force runs it, in Python force=True)")
+    return [f"{text} (refused without --force)"]
 
 
 def print_estimate(app: App, config: Any, ranks: int, threads: int) -> None:
@@ -63,7 +85,7 @@ def print_estimate(app: App, config: Any, ranks: int, threads: int) -> None:
 
 
 def print_phases(estimate: Estimate) -> None:
-    """What a step is made of; a sample may have done some of it before the step begins."""
+    """Print the phases of a step; a sample may have done some of them before the step begins."""
     whole = sum(estimate.phases.values())
     rows = [
         (name, shown(1e3 * spent, ".4g", "ms"), shown(spent / whole, ".1%"))

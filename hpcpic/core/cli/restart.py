@@ -58,7 +58,8 @@ def prepare_restart(
     folder: str, until: float | None, sets: tuple[str, ...], app: App, world: World
 ) -> tuple[RunDir, Plan]:
     """Read the case of a run that is to go on, and hold its folder; on rank 0."""
-    from hpcpic.core.cli.job import Plan, require_memory
+    from hpcpic.core.cli.estimate import require_memory
+    from hpcpic.core.cli.job import Plan
     from hpcpic.core.files.given import kept_text
     from hpcpic.core.run.summary import settled
 
@@ -80,7 +81,7 @@ def prepare_restart(
 
 
 def facts_of(rundir: RunDir) -> dict[str, Any]:
-    """What run.json tells; {} where there is none, or a damaged one, which ends no restart from good checkpoints."""
+    """The content of run.json; {} where there is none or a damaged one: a restart needs good checkpoints only."""
     try:
         return rundir.read_run()
     except FileError:

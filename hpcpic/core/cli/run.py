@@ -121,7 +121,8 @@ def prepare_run(
 ) -> tuple[RunDir, Plan]:
     """Read the case and make the run folder; on rank 0."""
     from hpcpic.core.cli.check import numbers_of
-    from hpcpic.core.cli.job import Plan, require_memory
+    from hpcpic.core.cli.estimate import require_memory
+    from hpcpic.core.cli.job import Plan
     from hpcpic.core.comm.library import library
     from hpcpic.core.files.given import config_text, contents
     from hpcpic.core.files.provenance import provenance
@@ -157,8 +158,7 @@ def run_folder(read: Case) -> str:
 
 def _dry(app: App, case: str, sets: tuple[str, ...], threads: int, force: bool) -> int:
     from hpcpic.core.cli.check import print_check
-    from hpcpic.core.cli.estimate import print_estimate
-    from hpcpic.core.cli.job import require_memory
+    from hpcpic.core.cli.estimate import print_estimate, require_memory
     from hpcpic.core.cli.main import launcher_rank
     from hpcpic.core.comm.world import launched_size
 

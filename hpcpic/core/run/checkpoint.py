@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hpcpic.core.errors import FileError
+from hpcpic.core.errors import ConfigError, FileError
 from hpcpic.core.files import image, sealed
 from hpcpic.core.files.arrays import Column, Shard
 from hpcpic.core.files.rundir import RunDir, discard, temporary
@@ -31,8 +31,9 @@ if TYPE_CHECKING:
     import h5py
 
     from hpcpic.core.comm.world import World
+    from hpcpic.core.run.model import Ending
 
-__all__ = ["Reader", "Shard", "digest", "hold", "newest", "write"]
+__all__ = ["Reader", "Shard", "digest", "hold", "newest", "require_later_end", "require_same_case", "write"]
 
 log = logging.getLogger(__name__)
 
@@ -236,6 +237,36 @@ def hold(reader: Reader, columns: Mapping[str, Column], world: "World | Alone" =
                 fault = column.fault(reader.read(name, first, min(first + rows + 1, high)), first)
                 if fault:
                     raise FileError(f"{reader.path}: {name}{fault}")
+
+
+def require_same_case(reader: Reader, program: str, settings: Mapping[str, str]) -> None:
+    """FileError unless the checkpoint is of this program; ConfigError, which lists what differs, unless the settings
+    (key -> value) that belong to its state are these.
+    """
+    made_by = reader.attributes.get("program")
+    if made_by != program:
+        raise FileError(f"{reader.path}: a checkpoint of {made_by or 'another program'}, not of {program}")
+    before: dict[str, str] = reader.attributes["settings"]
+    differing = [key for key in {**before, **settings} if before.get(key) != settings.get(key)]
+    if differing:
+        raise ConfigError(
+            [f"{reader.path}: the state was made with other settings; a restart cannot change them:"]
+            + [f"  {key}: {before.get(key, 'not set')} then, {settings.get(key, 'not set')} now" for key in differing]
+        )
+
+
+def require_later_end(reader: Reader, ending: "Ending", folder: str) -> None:
+    """ConfigError where the run in the folder is to end before the checkpoint."""
+    step = reader.time / max(reader.step, 1)  # on average
+    if ending.n_steps is None:  # its last step ends a little after the end
+        end, beyond = ending.end_time, ending.end_time < reader.time - 2.0 * step
+    else:
+        end, beyond = ending.n_steps * step, ending.n_steps < reader.step
+    if beyond:
+        raise ConfigError(
+            f"{folder}: the checkpoint is of step {reader.step}, t = {reader.time:g} s, "
+            f"beyond the end asked for, t = {end:g} s"
+        )
 
 
 def digest(world: "World | Alone", shards: Mapping[str, Shard]) -> str:

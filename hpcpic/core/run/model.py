@@ -1,5 +1,5 @@
-"""What the core asks of a simulator: the model that it makes of a case. Nothing to inherit; mypy checks that a class
-has it all (each app.py returns its class as a `Make`).
+"""The model that a simulator makes of a case, as the core uses it. Nothing to inherit; mypy checks that a class has it
+all (each app.py returns its class as a `Make`).
 """
 
 from collections.abc import Callable, Mapping
@@ -69,12 +69,10 @@ class Counting(Model, Protocol):
     def histograms(self) -> Mapping[str, Counts]: ...  # by name, over all ranks
 
 
-class Remembering(Model, Protocol):
-    """A model whose gauges may remember when `scalars` has read them, as a part of the state; a glance does not."""
+class Sampled(Model, Protocol):
+    """A model with scalars that are means over the time since the last sample of the series."""
 
-    @property
-    def gauges_remember(self) -> bool: ...
-    def scalars(self, glance: bool = False) -> Mapping[str, float]: ...
+    def sampled(self) -> None: ...  # the series has the scalars of this time: their means begin anew. Collective
 
 
 Make = Callable[[Any, World, Pool, Timers], Model]  # (config, world, pool, timers)

@@ -1,4 +1,4 @@
-"""What a run writes while it goes: series, fields, particles. Output never changes the state.
+"""Outputs of a run while it goes: series, fields, particles. They never change the state.
 
 A full disk ends the output, not the physics: the writer that failed is put aside with a warning, and the run
 ends with the code of file errors.
@@ -20,7 +20,7 @@ from hpcpic.core.run.triggers import Every, EveryTime, Observer
 from hpcpic.core.timers import Timers
 
 if TYPE_CHECKING:
-    from hpcpic.core.run.model import Counting, Model
+    from hpcpic.core.run.model import Counting, Model, Sampled
 
 log = logging.getLogger("hpcpic.output")
 
@@ -35,6 +35,12 @@ def trigger_of(model: Model, kind: str, begun: bool) -> Every | EveryTime | None
     if seconds:
         return EveryTime(seconds, model.time) if begun else EveryTime(seconds)
     return Every(steps) if steps else None
+
+
+def begin_means(model: Model) -> None:
+    """Tell the model that the series has its scalars of this time. Collective."""
+    if hasattr(model, "sampled"):
+        cast("Sampled", model).sampled()
 
 
 class Outputs:
@@ -132,6 +138,7 @@ class Outputs:
 
         def observe() -> None:
             values = model.scalars()
+            begin_means(model)
             if "energy_total" in self.conserved.names:
                 self.progress.scalars(values)
             self.conserved.add(values)

@@ -9,7 +9,7 @@ import pytest
 from toy_runner import RUN_A, Toy
 
 from hpcpic.core import memory
-from hpcpic.core.cli.job import require_memory
+from hpcpic.core.cli.estimate import require_memory
 from hpcpic.core.errors import ConfigError
 
 KEYS = {
