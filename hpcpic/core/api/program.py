@@ -1,4 +1,4 @@
-"""What the package of a simulator offers beside its Case: the shipped cases, and runs that are there."""
+"""Functions of the package of a simulator beside its Case: the shipped cases, and runs in folders."""
 
 from __future__ import annotations
 

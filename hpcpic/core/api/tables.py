@@ -1,4 +1,4 @@
-"""What a case tells before it runs, as objects that terminals and notebooks show as tables."""
+"""Check and estimate of a case as objects that terminals and notebooks show as tables."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def printed(show: Callable[[], object]) -> str:
-    """What a function of the command line prints, without the last line end."""
+    """The text that a function of the command line prints, without the last line end."""
     text = io.StringIO()
     with redirect_stdout(text):
         show()

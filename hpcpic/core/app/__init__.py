@@ -1,1 +1,1 @@
-"""What a simulator tells the commands, and what commands share."""
+"""The face of a simulator to the commands, and helpers that several commands share."""

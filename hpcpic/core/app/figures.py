@@ -1,6 +1,4 @@
-"""What every figure shares: one look, PNG, SVG, GIF and MP4 without a display, and the figures that need no
-physics.
-"""
+"""The look of all figures, their files (PNG, SVG, GIF, MP4; no display), and the figures that need no physics."""
 
 from __future__ import annotations
 
@@ -264,7 +262,7 @@ def pictured(snapshots: Snapshots, asked: Sequence[float] = ()) -> list[int]:
 
 
 def steps_of(snapshots: Callable[[Run], Snapshots]) -> Callable[[Run], Sequence[int]]:
-    """What `Plot.steps` asks for."""
+    """A function for `Plot.steps`: the steps of these snapshots of a run."""
     return lambda run: [int(step) for step in snapshots(run).steps]
 
 
@@ -304,7 +302,7 @@ TIMERS = Plot("Where the time went", timers)
 
 
 def gauges_figure(run: Run, gauges: Sequence[Gauge]) -> Figure:
-    """What each gauge in the fields of a grid read, in time."""
+    """The readings of each gauge in the fields of a grid, in time."""
     if not gauges:
         raise NotInScene("the case has no gauge")
     with style():

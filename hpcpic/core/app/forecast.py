@@ -1,4 +1,4 @@
-"""What a program forecasts of a run before it starts, in the form that check, estimate and the report read."""
+"""Forecasts of a run before it starts, in the form that check, estimate and the report read."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""What an app gives `tradeoff` and `stability` of one case: what can be turned, what is asked for, what it costs."""
+"""Knobs of one case, quantities of interest and costs, as a simulator gives them to `tradeoff` and `stability`."""
 
 from __future__ import annotations
 
@@ -66,12 +66,12 @@ class Choice:
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """What the user wants right. measure(series): one number or several, from a run until `time` [s].
+    """A quantity of interest. measure(series): one number or several, from a run until `time` [s].
 
     exact: its value in the exact solution, where that is known. Raises ArithmeticError or ValueError where the
-    series does not show it. why: it is the one that the case is about. column: of the series, where it is of one.
-    noise(series): half the 95 % interval of what is a mean over time. field: it is the field that is seen at the end.
-    asked: the user named it, and says with that what else may be wrong.
+    series does not show it. why: it is the one that the case is about. column: of the series, if it is of one.
+    noise(series): half the 95 % interval, if it is a mean over time. field: it is the field that is seen at the end.
+    asked: the user named it, and accepts with that what else may be wrong.
     """
 
     name: str
@@ -101,7 +101,7 @@ class Seen:
 
 @dataclass(frozen=True, slots=True)
 class Knobs:
-    """What can be turned in one completed case, and what it costs.
+    """All that can be turned in one completed case, and the costs.
 
     settings(sizes, time): the --set list that gives the knobs these sizes, or the nearest finer ones there are, in a
     run until `time` [s]. time: end of the case itself. pilot: settings of every pilot: series densely, no snapshots.

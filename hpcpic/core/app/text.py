@@ -37,7 +37,7 @@ def shown(value: float, form: str = ".4g", unit: str = "") -> Shown:
 
 
 class Answer:
-    """What a command prints, as JSON: {"tables": [[{column: value}]], "text": [line]}."""
+    """The output of a command as JSON: {"tables": [[{column: value}]], "text": [line]}."""
 
     def __init__(self) -> None:
         self.tables: list[list[dict[str, Any]]] = []

@@ -98,7 +98,7 @@ def find_case(case: str, shipped: Mapping[str, Path]) -> Path:
 
 
 def stranger(keys: Collection[str], data: Mapping[str, Any], file: str) -> str:
-    """What the data of a file are that are no case of the program with these keys; empty where they may be one."""
+    """A sentence on data of a file that are no case of the program with these keys; empty where they may be one."""
     if not data:
         return ""
     own = next((program for program, theirs in PROGRAMS.items() if theirs == set(keys)), "")

@@ -326,7 +326,7 @@ def put_value(holder: Any, path: Path, value: Any) -> Any:
 
 
 def absent(group: Any, path: Path) -> str:
-    """What is said of a key or an index that a group does not have, with the key of it that was meant."""
+    """The fault of a key or an index that a group does not have, with the key that was probably meant."""
     if isinstance(group, tuple) and isinstance(path[-1], int):
         whole = dotted(path[:-1])
         return f"there is no {dotted(path)}: {whole} has {len(group)}; to add one give the whole list, {whole}"

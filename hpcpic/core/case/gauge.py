@@ -38,7 +38,7 @@ class Gauge(Section):
 def gauge_columns(
     gauges: Sequence[Gauge], fields: Mapping[str, tuple[str, int]]
 ) -> Iterator[tuple[str, dict[str, str]]]:
-    """What each gauge is called in messages, and its columns with their units (see core.case.columns)."""
+    """(name in messages, columns with their units) of each gauge, as core.case.columns wants them."""
     return ((f"gauge {gauge.name!r}", gauge.columns(fields)) for gauge in named(gauges))
 
 
@@ -50,7 +50,7 @@ def named(gauges: Sequence[Gauge]) -> tuple[Gauge, ...]:
 def gauge_faults(
     gauges: Sequence[Gauge], fields: Mapping[str, tuple[str, int]], lengths: Sequence[float]
 ) -> Iterator[tuple[Path, str]]:
-    """What is wrong with gauges in a box of `lengths` with these fields: unit and number of components by name."""
+    """The faults of gauges in a box of `lengths` with these fields: unit and number of components by name."""
     columns: dict[str, int] = {}
     for i, gauge in enumerate(named(gauges)):
         here: Path = ("gauge", i)

@@ -80,7 +80,7 @@ class Include:
 
 @dataclass(slots=True)
 class Faults:
-    """What is wrong, as (line, column, sentence); most faults do not stop the reading."""
+    """Faults of a text, as (line, column, sentence); most do not stop the reading."""
 
     found: list[tuple[int, int, str]] = field(default_factory=list)
 
@@ -224,7 +224,7 @@ def parse(text: str) -> tuple[Node, list[tuple[int, int, str]]]:
 
 
 def wanted(state: Any, opened: list) -> str:
-    """What may stand here, in words. opened: the brackets still open."""
+    """The symbols that may stand here, in words. opened: the brackets still open."""
     choices = set(state.choices())
     if "INTEGER" in choices:
         return 'expected a value (number, "text", true, false, [ ], ( ) or { })'
@@ -238,7 +238,7 @@ def wanted(state: Any, opened: list) -> str:
 
 
 def unreadable(text: str, start: int, expected: str) -> str:
-    """What is wrong with the characters at `start`, where no symbol of the grammar begins."""
+    """The fault of the characters at `start`, where no symbol of the grammar begins."""
     rest = text[start : start + 60]
     if rest.startswith('"'):
         return "the string does not end on its line"

@@ -1,4 +1,4 @@
-"""What is wrong with a function of the user's own that kernels are to call, in one sentence with its place.
+"""Faults of a function of the user's own that kernels are to call, in one sentence with its place.
 
 numba tells it in pages of its own. Only who names such a function in a case waits for it to be compiled.
 """
@@ -92,7 +92,7 @@ def formula_fault(
 
 
 def arithmetic_fault(function: Any) -> str:
-    """What is wrong with a function whose text kernels take over; "" of one that is arithmetic of its arguments."""
+    """The fault of a function whose text kernels take over; "" of one that is arithmetic of its arguments."""
     if not isinstance(function, FunctionType) or function.__name__ == "<lambda>":
         return f"a function made by `def` is wanted (got {function!r})"
     builtin = vars(__import__("builtins"))
@@ -144,7 +144,7 @@ def _undefined(function: FunctionType) -> list[tuple[str, int]]:
 
 
 def _sentence(error: Exception, function: FunctionType) -> str:
-    """What numba says of a function, without all that it has tried."""
+    """The error of numba on a function in one sentence, without all that it has tried."""
     text = _COLOURS.sub("", str(error))
     if call := re.search(r"No implementation of function (.+) found for signature:\s+>>> (.+)", text):
         return f"cannot be compiled: no such operation: {call[2].strip()}"

@@ -41,7 +41,7 @@ SYNONYMS = {  # what others call a key -> what it may be called here
 
 
 def unknown(name: str, known: Collection[str]) -> str:
-    """What is said of a name that is none of the known ones, which may be none at all."""
+    """The fault of a name that is none of the known ones, of which there may be none."""
     if not known:
         return f"there is none in this case (got {name!r})"
     *others, last = map(repr, known)
@@ -81,7 +81,7 @@ def last_side(tree: Tree, group: Path, sides: Sequence[tuple[str, ...]]) -> None
 
 
 def newest(tree: Tree, path: Path) -> Path:
-    """What was set last of a setting and what is in it; else the group around it that was written down as a whole."""
+    """The path that was set last, of a setting and those in it; else the group around it that was written whole."""
     inside = [other for other in tree.places if other[: len(path)] == path]
     while path and path not in tree.places:
         path = path[:-1]

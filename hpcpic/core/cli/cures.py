@@ -1,4 +1,4 @@
-"""What to change when a derived number refuses a case, and what each way costs."""
+"""Changes that cure a case which a derived number refuses, and their costs."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ class Finder:
         return tuple(a for a in self.knobs.settings({knob.name: factor * own}, self.knobs.time) if a not in before)
 
     def changes(self, refused: Derived) -> list[Change]:
-        """What may be turned: the knob whose limit it is or whose setting it names, the setting itself."""
+        """The changes to try: of the knob whose limit it is or whose setting it names, of the setting itself."""
         found: list[Change] = [
             partial(self.changed, knob)
             for knob in self.knobs.knobs
@@ -141,7 +141,7 @@ class Finder:
         return assignments if self.worst(assignments) == "ok" else ()
 
     def at(self, key: Path) -> Any:
-        """What the case has at a key; None where a part of it is not given."""
+        """The value of the case at a key; None where a part of it is not given."""
         value: Any = self.config
         for part in key:
             value = value[part] if isinstance(part, int) else getattr(value, part, None)

@@ -138,7 +138,7 @@ def _cache() -> Iterator[Finding]:
 
 
 def _memory() -> Iterator[Finding]:
-    """What ranks of a node share, and what those that were killed have left there."""
+    """Findings on the shared memory of a node, and on what killed ranks have left there."""
     from hpcpic.core.comm import shared_memory
     from hpcpic.core.memory import MIB
 

@@ -90,7 +90,7 @@ def _hearing() -> Iterator[list[int]]:
 
 
 def within(app: App) -> Start:
-    """What `launch` does, on one rank in this process: what is loaded and compiled once serves all the runs.
+    """A `launch` on one rank in this process: what is loaded and compiled once serves all runs.
 
     Standard output goes to the file `stdout`, and errors too.
     """

@@ -39,7 +39,7 @@ VERBS = {  # verb -> the module of core that makes it, and what --help says with
     "bench": ("cli.bench", "Measure bandwidth and kernel rates of this machine and keep them for `estimate`."),
     "doctor": ("cli.doctor", "MPI, launcher, threads, HDF5, FFTW, versions, the cache of compiled kernels."),
 }
-MEANT = {  # what other programs call a verb
+ALIASES = {  # words of other programs -> verb
     **dict.fromkeys(("simulate", "start", "solve", "execute"), "run"),
     **dict.fromkeys(("resume", "continue", "resubmit"), "restart"),
     **dict.fromkeys(("validate", "verify", "test"), "check"),
@@ -51,21 +51,21 @@ MEANT = {  # what other programs call a verb
 }
 TABLES = ("list", "show", "check", "estimate", "sweep", "tradeoff", "stability", "compare", "bench", "doctor")
 PARALLEL = ("run", "restart", "bench", "doctor")  # verbs in which all ranks take part
-READER_GONE = 128 + signal.SIGPIPE  # what shells say of a program that writes to nobody
+NO_READER = 128 + signal.SIGPIPE  # what shells say of a program that writes to nobody
 
-RANKS = ("PMI_RANK", "OMPI_COMM_WORLD_RANK", "PMIX_RANK")  # where launchers tell a process its rank
+RANK_VARIABLES = ("PMI_RANK", "OMPI_COMM_WORLD_RANK", "PMIX_RANK")  # where launchers tell a process its rank
 
 
 def launcher_rank() -> int:
     """The rank the launcher gave this process, known before MPI starts; 0 without a launcher."""
-    for name in RANKS:
+    for name in RANK_VARIABLES:
         if os.environ.get(name, "").isdigit():
             return int(os.environ[name])
     return 0
 
 
 class CommandLine(click.Group):
-    """All verbs: imports a verb when it is asked for, prints a known error once, and exits with its code."""
+    """All verbs. It imports a verb when it is used, prints a known error once, and exits with its code."""
 
     def __init__(self, app_loader: AppLoader, name: str, title: str) -> None:
         super().__init__(name=name, help=f"{title[:1].upper()}{title[1:]}.")
@@ -105,7 +105,7 @@ class CommandLine(click.Group):
 
             if arguments[0] == "help":
                 raise click.UsageError(f"say `{self.name} --help`, or `{self.name} VERB --help`", context)
-            near = MEANT.get(arguments[0]) or next(iter(difflib.get_close_matches(arguments[0], VERBS, 1)), None)
+            near = ALIASES.get(arguments[0]) or next(iter(difflib.get_close_matches(arguments[0], VERBS, 1)), None)
             hint = f"did you mean {near!r}?" if near else f"there are {', '.join(VERBS)}"
             raise click.UsageError(f"no such command {arguments[0]!r}; {hint}", context)
         return super().resolve_command(context, arguments)
@@ -114,8 +114,8 @@ class CommandLine(click.Group):
         settings["standalone_mode"] = False
         settings["prog_name"] = self.name
         try:
-            with reader_may_go():
-                code = self._answered(args, *rest, **settings) or 0
+            with exit_without_reader():
+                code = self._with_json(args, *rest, **settings) or 0
             sys.exit(code)
         except click.ClickException as error:
             if not launcher_rank():
@@ -123,7 +123,7 @@ class CommandLine(click.Group):
                 click.echo(hint(error, self.name or ""), nl=False, err=True)
             sys.exit(error.exit_code)
         except click.Abort:  # Ctrl-C before there is anything to stop
-            leave_alone()
+            end_all_ranks()
             sys.exit(1)
         except HpcpicError as error:
             self.leave(error)
@@ -132,17 +132,17 @@ class CommandLine(click.Group):
                 raise
             self.leave(FileError(f"{error.filename or 'the output'}: {error.strerror}"))
 
-    def _answered(self, *rest: Any, **settings: Any) -> Any:
-        """Do the verb, and print what --json asked for; that of a verb which runs this one within it stays open."""
+    def _with_json(self, *rest: Any, **settings: Any) -> Any:
+        """Do the verb, and print its answer where --json asks for one. The answer of an outer verb stays open."""
         with text.answering(silent=bool(launcher_rank())):
             return super().main(*rest, **settings)
 
     def make_context(self, *rest: Any, **settings: Any) -> click.Context:
-        with reader_may_go():  # click itself would make an exit of 1 of it
+        with exit_without_reader():  # click itself would exit with 1
             return super().make_context(*rest, **settings)
 
     def invoke(self, context: click.Context) -> Any:
-        with reader_may_go():
+        with exit_without_reader():
             return super().invoke(context)
 
     def leave(self, error: HpcpicError) -> None:
@@ -153,17 +153,17 @@ class CommandLine(click.Group):
 
 
 @contextmanager
-def reader_may_go() -> Iterator[None]:
+def exit_without_reader() -> Iterator[None]:
     """Exit quietly where the reader of the output has gone, as `head` does."""
     try:
         yield
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # for what is printed as the program ends
-        sys.exit(READER_GONE)
+        sys.exit(NO_READER)
 
 
 def hint(error: click.ClickException, program: str) -> str:
-    """What a wrong use of the command line probably wants."""
+    """A line on what the user probably wants, after a wrong use of the command line."""
     if isinstance(error, click.MissingParameter) and error.param and error.param.name == "case":
         return f"`{program} list` shows the shipped ones.\n"
     if isinstance(error, click.NoSuchOption) and error.option_name in ("-n", "-np", "--ranks"):
@@ -173,18 +173,18 @@ def hint(error: click.ClickException, program: str) -> str:
     return ""
 
 
-def leave_alone() -> None:
-    """End all ranks: this one leaves, and the others may wait for it. A launcher ends them when a signal ends one, but
-    not when one leaves before it has started MPI.
+def end_all_ranks() -> None:
+    """End this rank by a signal, so that the launcher ends the others, which may wait for it: it does not where a rank
+    exits before it has started MPI.
     """
-    if any(name in os.environ for name in RANKS):
+    if any(name in os.environ for name in RANK_VARIABLES):
         signal.signal(signal.SIGINT, signal.SIG_DFL)
         os.kill(os.getpid(), signal.SIGINT)
 
 
-def steady_streams() -> None:
-    """Streams that were closed lead nowhere, as files opened later would take their place; letters that the terminal
-    cannot show are shown as escapes.
+def mend_streams() -> None:
+    """Open standard streams that are closed on /dev/null, as files opened later would take their numbers, and let them
+    show characters that the terminal cannot show as escapes.
     """
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         try:
@@ -204,10 +204,10 @@ def build(app_loader: AppLoader, name: str, title: str) -> click.Group:
 
 
 def program(app_loader: AppLoader, name: str, title: str) -> None:
-    """The command group as a process. It ends when what Python and C libraries registered for the end is done: taking
-    the interpreter apart, which the system does as well, costs half a second.
+    """Run the command group and end the process, after the exit functions of Python and C libraries. The interpreter is
+    not taken apart: that costs half a second, and the system does it as well.
     """
-    steady_streams()
+    mend_streams()
     gc.set_threshold(50_000)  # new objects: imports make hundreds of thousands that stay
     try:
         build(app_loader, name, title)()
@@ -217,7 +217,7 @@ def program(app_loader: AppLoader, name: str, title: str) -> None:
         code = end.code
     except BaseException:
         sys.excepthook(*sys.exc_info())
-        leave_alone()
+        end_all_ranks()
         code = 1
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError):  # full, or gone: what mattered has been printed

@@ -1,4 +1,4 @@
-"""What the ranks hand to the writers: every rank its part, with the place of that part in the whole."""
+"""Arrays as the ranks hand them to the writers: every rank its part, with the place of that part in the whole."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -32,7 +32,7 @@ class Rows(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """What an array of the state is in a scene: its type, its shape (None: any number of rows), and which values it can
+    """The constraints on an array of the state: its type, its shape (None: any number of rows), and the values it can
     have: numbers from low to high whose squares are finite. low and high are numbers, or arrays of the shape of the
     whole or of a row.
 
@@ -49,7 +49,7 @@ class Column:
     legal: Callable[[NDArray], NDArray[np.bool_]] | None = None
 
     def fault(self, rows: NDArray, first: int) -> str:
-        """What is wrong with the rows that begin at number `first` of the whole, "" if nothing is."""
+        """The fault of the rows that begin at number `first` of the whole; "" if there is none."""
         low, high = (self._limit(limit, first, len(rows)) for limit in (self.low, self.high))
         if rows.dtype.kind == "f":
             most = math.sqrt(np.finfo(rows.dtype).max)
@@ -105,7 +105,7 @@ class ParticleArray:
     kept_single: bool = False
 
     def as_kept(self) -> "ParticleArray":
-        """What files hold of it."""
+        """The particles as files hold them."""
         if not self.kept_single:
             return self
         return replace(self, columns={name: values.astype(np.float32) for name, values in self.columns.items()})

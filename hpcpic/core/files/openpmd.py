@@ -152,7 +152,7 @@ def _components(fields: Mapping[str, FieldArray], ndim: int) -> Iterator[tuple[s
 
 
 def _constants(particles: ParticleArray) -> dict[str, float]:
-    """What all particles have in common. Those that tell of nothing else stand for themselves."""
+    """The values that all particles share. Without a weighting each stands for one particle."""
     return {"weighting": 1.0, **particles.constants}
 
 

@@ -1,4 +1,4 @@
-"""What produced a run."""
+"""The origin of a run: versions, machine, command."""
 
 import os
 import platform
@@ -14,7 +14,7 @@ PACKAGES = ("numpy", "numba", "mpi4py", "h5py", "pyfftw", "scipy", "mpich", "ope
 
 
 def provenance(mpi_library: str = "") -> dict[str, Any]:
-    """What produced a run: versions, git state, machine, command line. No environment variables."""
+    """The origin of a run: versions, git state, machine, command line. No environment variables."""
     return {
         "versions": {"hpcpic": __version__, "python": platform.python_version(), **_versions()},
         "git": _git(Path(__file__).resolve().parents[2]),

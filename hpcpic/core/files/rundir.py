@@ -77,8 +77,8 @@ def write_json(path: Path, content: Any) -> None:
 
 
 class RunDir:
-    """Names inside a run folder. `RunDir(path)` only names; `create` and `open` look, and `create` and `lock`
-    hold it.
+    """Paths of the files of a run folder. `RunDir(path)` touches nothing; `create` and `open` look at the folder, and
+    `create` and `lock` hold it.
 
     Written by rank 0; the other ranks use RunDir(path) for the names.
     """
@@ -88,7 +88,7 @@ class RunDir:
         self._lock: IO[bytes] | None = None
 
     def rename(self, path: Path | str) -> None:
-        """The folder is called so."""
+        """Give the folder another path, as it was moved."""
         self.path = Path(path)
         self.run_json = self.path / "run.json"
         self.config = self.path / "config.conf"
@@ -101,7 +101,7 @@ class RunDir:
         self.stop_file = self.path / "STOP"
 
     def moved_to(self) -> str:
-        """What the held folder is called now, if it is not there any more under its name; "" if it is."""
+        """The name that the held folder has now, if it was moved away from its name; "" if not."""
         if self._lock is None:
             return ""
         with suppress(OSError):
@@ -204,7 +204,7 @@ class RunDir:
             return False
 
     def _remove_run(self) -> None:
-        """What a run has made here; what others have put beside or among it stays."""
+        """Remove what a run has made here; files of other origin beside or among it stay."""
         given = self.read_run().get("given") if self.run_json.exists() else []
         if not self.given.is_symlink():
             for name in given if isinstance(given, list) else []:
@@ -327,7 +327,7 @@ class RunDir:
         return content
 
     def mend(self) -> list[str]:
-        """What was wrong with run.json, which is put aside and replaced if it cannot be read. Raises FileError."""
+        """Put a run.json that cannot be read aside, and replace it; warnings of that. Raises FileError."""
         try:
             self.read_run()
         except FileError as error:
@@ -405,7 +405,7 @@ def _now() -> str:
 
 
 def _plain(value: Any) -> Any:
-    """What JSON can hold."""
+    """The value as JSON can hold it."""
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, str | bool | int) or value is None:

@@ -46,7 +46,7 @@ CELL_KINDS = ("Vertices", "Lines", "Polygons", "Strips")  # the last three are e
 
 @dataclass(frozen=True, slots=True)
 class _Snapshot:
-    """What one call of `append` was given; `attributes` of arrays, by their names."""
+    """The arguments of one call of `append`; `attributes` of arrays, by their names."""
 
     step: int
     time: float

@@ -92,7 +92,7 @@ def start_faults(
     rows: int | None = None,
     held: Mapping[str, slice] = MappingProxyType({}),
 ) -> Iterator[Fault]:
-    """What is wrong with the arrays. expected: name -> shape, None for a length that all arrays share: `rows` if given.
+    """The faults of the arrays. expected: name -> shape, None for a length that all arrays share: `rows` if given.
 
     held: components that vectors have in this box. These may be [n, 3] too, as vectors are read, and 0 in the others.
     """

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hpcpic.core.files.reader import Run
+    from hpcpic.core.files.series import Series
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +33,7 @@ class Difference:
 
 
 class Note(str):
-    """What is told of a comparison and is no difference."""
+    """A remark on a comparison, which counts as no difference."""
 
     __slots__ = ()
 
@@ -90,7 +91,7 @@ def make_compare_command(app_loader: AppLoader) -> click.Command:
 
 
 def _not_same(runs: Sequence[Run]) -> str:
-    """What is told of final states that are not the same bits: which run has none, and why."""
+    """A remark on final states that are not the same bits: "different", or which run has none, and why."""
     open_ends = [
         ": ".join([f"{run.path} is {run.summary.get('status', 'unknown')}", *filter(None, [run.summary.get("reason")])])
         for run in runs
@@ -149,41 +150,57 @@ def _series(a: Run, b: Run, same_end: bool = False) -> Iterator[Difference | str
         yield f"series: only in {a.path if have[0] else b.path}"
     if not all(have):
         return
-    import numpy as np
-
     first, second = a.series, b.series
+    lengths = f"({len(first.step)} and {len(second.step)} rows)"
     if not len(first.step) and not len(second.step):
         yield "series: no row in either run, so nothing to compare"
         return
-    same, interpolated = first.step.tolist() == second.step.tolist(), False
-    if not len(first.time) or not len(second.time):
-        yield f"series: sampled at different times ({len(first.step)} and {len(second.step)} rows)"
+    if not len(first.step) or not len(second.step):
+        yield f"series: sampled at different times {lengths}"
         return
-    rows, taken = np.arange(len(first.step)), dict(second)
-    if not same:
-        rows, others = _shared(first.time, second.time)
-        found = f"compared at {len(rows)} that both have"
-        taken = {name: values[others] for name, values in second.items()}
-        if interpolated := not len(rows):
-            rows = np.flatnonzero((first.time >= second.time[0]) & (first.time <= second.time[-1]))
-            found = "b interpolated in time"
-            taken = {name: np.interp(first.time[rows], second.time, values) for name, values in second.items()}
-        if not len(rows):
-            yield "series: no time in common"
-            return
-        told = f"series: sampled at different times ({len(first.step)} and {len(second.step)} rows), {found}"
-        yield Note(told) if _as_long(first.time, second.time) else told
+    match = _match(first, second)
+    if not len(match.rows):
+        yield "series: no time in common"
+        return
+    if match.remark:
+        text = f"series: sampled at different times {lengths}, {match.remark}"
+        yield Note(text) if _as_long(first.time, second.time) else text
     yield from _common("series", first.keys(), second.keys())
     kinds = {name: (kind_of(name), first.units.get(name)) for name in first}
     scales: dict[Any, float] = {}
     for name, kind in kinds.items():
-        scales[kind] = max(scales.get(kind, 0.0), _largest(first[name][rows]))
+        scales[kind] = max(scales.get(kind, 0.0), _largest(first[name][match.rows]))
     for name, kind in kinds.items():
-        if name in taken:
-            apart = difference(f"series {name}", first[name][rows], taken[name], scales[kind])
-            if interpolated and same_end and isinstance(apart, Difference):  # by the straight line between two samples
+        if name in match.values:
+            apart = difference(f"series {name}", first[name][match.rows], match.values[name], scales[kind])
+            if match.interpolated and same_end and isinstance(apart, Difference):  # error of the interpolation
                 apart = Note(f"{apart.what}: interpolated within {apart.relative:.2g}")
             yield apart
+
+
+@dataclass(frozen=True, slots=True)
+class Match:
+    """Rows of one series at which another is compared, and the values of that there, by name."""
+
+    rows: NDArray
+    values: Mapping[str, NDArray]
+    remark: str = ""
+    interpolated: bool = False
+
+
+def _match(a: Series, b: Series) -> Match:
+    """The rows of a, and b there: at the same steps, at the times that both have, or else b interpolated in time."""
+    import numpy as np
+
+    if a.step.tolist() == b.step.tolist():
+        return Match(np.arange(len(a.step)), b)
+    rows, others = _shared(a.time, b.time)
+    if len(rows):
+        shared = {name: values[others] for name, values in b.items()}
+        return Match(rows, shared, f"compared at {len(rows)} that both have")
+    rows = np.flatnonzero((a.time >= b.time[0]) & (a.time <= b.time[-1]))
+    interpolated = {name: np.interp(a.time[rows], b.time, values) for name, values in b.items()}
+    return Match(rows, interpolated, "b interpolated in time", interpolated=True)
 
 
 def _shared(a: NDArray, b: NDArray) -> tuple[NDArray, NDArray]:

@@ -1,4 +1,4 @@
-"""What the page of report shows, and how it is rendered: tables and drawings, self-contained, without scripts."""
+"""The page of `report`, and its rendering: tables and drawings, self-contained, without scripts."""
 
 from __future__ import annotations
 

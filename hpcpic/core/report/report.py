@@ -132,7 +132,7 @@ def _case(run: Run) -> tuple[Header, str]:
 
 
 def _figures(app: App, run: Run) -> tuple[list[Drawn], list[str], dict[str, Exception]]:
-    """What can be drawn, a line on each figure that the scene has and the files do not, and those that failed."""
+    """The drawn figures, a line on each that the scene has and the files do not, and the errors of others by name."""
     from hpcpic.core.app.figures import NoData, NotInScene, svg
 
     drawn, omitted, failures = [], [], {}

@@ -21,8 +21,8 @@ from hpcpic.core.timers import Timers
 PERIOD = 100  # steps between two looks
 
 
-class Held:
-    """The state of a model in memory, which its `restore` reads as it does a checkpoint. Reads are collective."""
+class StateInMemory:
+    """The state of a model, which its `restore` reads as it does a checkpoint. Reads are collective."""
 
     def __init__(self, world: World, step: int, time: float, shards: Mapping[str, Shard]) -> None:
         self.step, self.time, self._world, self._shards = step, time, world, shards
@@ -30,15 +30,15 @@ class Held:
     def read(self, name: str, lo: int = 0, hi: int | None = None) -> NDArray:
         """Rows [lo, hi) of an array, whichever ranks have them: other rows on each rank."""
         world, shard = self._world, self._shards[name]
-        held = np.ascontiguousarray(shard.local)
+        rows = np.ascontiguousarray(shard.local)
         hi = shard.total if hi is None else hi
         asked = np.zeros((world.size, 2), np.int64)
         asked[world.rank] = lo, hi
-        parts = np.clip(world.sum_int(asked) - shard.offset, 0, len(held)).tolist()
-        found = np.empty((hi - lo, *held.shape[1:]), held.dtype)
-        row_bytes = held.dtype.itemsize * math.prod(held.shape[1:])
+        parts = np.clip(world.sum_int(asked) - shard.offset, 0, len(rows)).tolist()
+        found = np.empty((hi - lo, *rows.shape[1:]), rows.dtype)
+        row_bytes = rows.dtype.itemsize * math.prod(rows.shape[1:])
         if row_bytes:
-            content = held.reshape(-1).view(np.uint8).reshape(-1, row_bytes)
+            content = rows.reshape(-1).view(np.uint8).reshape(-1, row_bytes)
             outgoing = {rank: content[a:b] for rank, (a, b) in enumerate(parts) if b > a}
             arrived = send_anywhere(world, outgoing, row_bytes, tag(self.step, Channel.RECUT))
             np.concatenate([*arrived, content[:0]], out=found.reshape(-1).view(np.uint8).reshape(-1, row_bytes))
@@ -68,7 +68,7 @@ class Balance:
     restore: puts back a state into the model that has been laid out anew.
     """
 
-    def __init__(self, world: World, model: Movable, restore: Callable[[Held], None]) -> None:
+    def __init__(self, world: World, model: Movable, restore: Callable[[StateInMemory], None]) -> None:
         self._world, self._model, self._restore = world, model, restore
         self._lost = 0.0  # ns, since the last cuts
 
@@ -95,7 +95,7 @@ class Balance:
         """Collective: the state of the model on these cuts."""
         model, self._lost = self._model, 0.0
         with model.timers.section("balance"):
-            held = Held(self._world, model.iteration, model.time, model.state())
+            state = StateInMemory(self._world, model.iteration, model.time, model.state())
             model.close()
             model.lay_out(cuts)
-            self._restore(held)
+            self._restore(state)

@@ -60,7 +60,7 @@ class Gauges:
         return bool(self._places)
 
     def values(self, fields: Mapping[str, FieldArray], holds: NDArray[np.bool_] | None = None) -> dict[str, float]:
-        """What each gauge reads, by column; not a number where none of its nodes `holds` a value. Collective.
+        """The readings of the gauges, by column; not a number where none of its nodes `holds` a value. Collective.
 
         fields: of this rank. holds: nodes of this rank whose values count; by default all.
         """

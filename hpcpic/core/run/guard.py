@@ -28,7 +28,7 @@ _TEXT_LENGTH = 512
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What all ranks have agreed on: the same on every rank."""
+    """The agreement of all ranks: the same on every rank."""
 
     reason: Reason
     checkpoint: bool

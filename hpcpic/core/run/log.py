@@ -1,6 +1,4 @@
-"""What the program says while it runs: rank 0 to the screen and log.txt, the other ranks only warnings, with
-the rank.
-"""
+"""Messages of a running program: of rank 0 on the screen and in log.txt, of others only warnings, with the rank."""
 
 from __future__ import annotations
 

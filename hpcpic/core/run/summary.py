@@ -1,6 +1,4 @@
-"""What a run took: sections over ranks, time per step, memory, conserved quantities, estimate beside
-measurement.
-"""
+"""The summary of a run: time by section and per step, memory, conserved quantities, estimate beside measurement."""
 
 from __future__ import annotations
 

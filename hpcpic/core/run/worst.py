@@ -25,7 +25,7 @@ def worst_particles(species: Mapping[str, ParticleArray]) -> list[str]:
 
 
 def worst_nodes(density: NDArray, velocity: NDArray, first_row: int) -> list[str]:
-    """Likewise of nodes: density[rows, ...] over that of rest, velocity[rows, ..., d] in nodes per step."""
+    """A line for each worst node; density[rows, ...] over that of rest, velocity[rows, ..., d] in nodes a step."""
     shape, d = density.shape, velocity.shape[-1]
     rho, u = density.reshape(-1, 1), velocity.reshape(-1, d)
     lines = []

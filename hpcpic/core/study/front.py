@@ -61,15 +61,13 @@ def write(
     folder: Path,
 ) -> None:
     """front.csv, front.png and tradeoff.json."""
-    from hpcpic.core.app.figures import save
-
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(("pilot", "error", "seconds", search.pilots.knobs.work_unit))
     writer.writerows(measured(search))
     write_atomic(folder / "front.csv", text.getvalue())
     write_json(folder / "tradeoff.json", facts(search, points, verified, refusal, tolerance))
-    save(figure(search, points, verified), folder / "front.png")
+    draw(search, points, verified, folder / "front.png")
 
 
 def facts(
@@ -139,11 +137,11 @@ def _verified(search: Search, verified: Verified) -> dict[str, Any]:
     }
 
 
-def figure(search: Search, points: list[Proposal], verified: Verified | None) -> Any:
+def draw(search: Search, points: list[Proposal], verified: Verified | None, path: Path) -> None:
     """Error against seconds, and against counted work: pilots, the law of the front, the case, the recommendation."""
     from matplotlib.ticker import LogLocator, NullFormatter
 
-    from hpcpic.core.app.figures import COLOURS, new_figure, style
+    from hpcpic.core.app.figures import COLOURS, new_figure, save, style
 
     rows = measured(search)
     with style():
@@ -177,7 +175,7 @@ def figure(search: Search, points: list[Proposal], verified: Verified | None) ->
         axes[0].set_ylim(bottom=0.5 * max(lowest, 1e-14))
         axes[0].set_ylabel(f"relative error of {search.quantity.name}")
         fig.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
-        return fig
+        save(fig, path)
 
 
 def write_case(search: Search, verified: Verified, tolerance: float, path: Path) -> None:

@@ -47,7 +47,7 @@ def test_letters_that_a_terminal_does_not_know_end_nothing(toy):
         with open(toy.folder / "a/config.conf", "a", encoding="utf-8") as file:
             file.write("# été\n")
     assert "what:     " in done.stdout  # behind a byte order mark, too
-    program = "import sys; from hpcpic.core.cli.main import steady_streams; steady_streams(); sys.stdout.write('\\xe9')"
+    program = "import sys; from hpcpic.core.cli.main import mend_streams; mend_streams(); sys.stdout.write('\\xe9')"
     words = [sys.executable, "-c", program]
     assert subprocess.run(words, env=environment(**NARROW), capture_output=True).stdout == b"\\xe9"
 

@@ -11,7 +11,7 @@ from hpcpic.core.case.config import load, loads
 from hpcpic.core.case.dump import dump
 from hpcpic.core.case.schema import describe
 from hpcpic.core.case.words import VISCOSITIES, unknown
-from hpcpic.core.cli.main import MEANT, VERBS, build
+from hpcpic.core.cli.main import ALIASES, VERBS, build
 from hpcpic.core.errors import ConfigError
 from lbmdem.forecast.estimate import output_periods
 
@@ -191,7 +191,7 @@ def test_a_misspelt_verb_is_answered_with_the_nearest(verb, meant):
 
 
 def test_the_words_of_others_lead_to_verbs_and_are_none():
-    assert set(MEANT.values()) <= set(VERBS) and not set(MEANT) & set(VERBS)
+    assert set(ALIASES.values()) <= set(VERBS) and not set(ALIASES) & set(VERBS)
 
 
 @pytest.mark.parametrize(
