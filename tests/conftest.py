@@ -20,6 +20,7 @@ from hypothesis import HealthCheck, settings
 from numba.core import event
 
 gc.set_threshold(50_000)  # as programs do: what compiles makes many objects that stay
+os.fsync = lambda descriptor: None  # no test cuts the power; each call would take milliseconds, a run has dozens
 # A busy machine fails no test.
 settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("busy")

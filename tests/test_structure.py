@@ -22,12 +22,17 @@ def modules() -> dict[str, Path]:
     return dict(zip(names, files))
 
 
+@cache
+def parsed(file: Path) -> ast.Module:
+    return ast.parse(file.read_text())
+
+
 def imports(name: str, file: Path) -> Iterator[str]:
     """What a module imports of ours, inside functions and for type checkers too, and what it names in a text to import
     later.
     """
     known, package = modules(), name if file.name == "__init__.py" else name.rpartition(".")[0]
-    for node in ast.walk(ast.parse(file.read_text())):
+    for node in ast.walk(parsed(file)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names if alias.name in known)
         elif isinstance(node, ast.ImportFrom):
@@ -76,10 +81,9 @@ def test_a_folder_holds_few_modules():
 def test_a_function_has_few_parameters_and_a_file_few_lines():
     many, long = {}, {}
     for name, file in modules().items():
-        text = file.read_text()
-        if (n := text.count("\n")) > MOST_LINES:
+        if (n := file.read_text().count("\n")) > MOST_LINES:
             long[name] = n
-        for node in ast.walk(ast.parse(text)):
+        for node in ast.walk(parsed(file)):
             if isinstance(node, ast.FunctionDef):
                 n = len(node.args.posonlyargs + node.args.args + node.args.kwonlyargs)
                 if n > MOST_PARAMETERS and not _is_command(node):
@@ -96,7 +100,7 @@ def test_every_docstring_can_be_read_alone():
     """It names its subject: it does not go on from somewhere else ("Of a particle.", "The same in 3D.")."""
     beginnings, found = ("Of ", "The same", "Whether it", "As "), []
     for name, file in modules().items():
-        for node in ast.walk(ast.parse(file.read_text())):
+        for node in ast.walk(parsed(file)):
             if isinstance(node, ast.FunctionDef | ast.ClassDef | ast.Module):
                 text = ast.get_docstring(node) or ""
                 if text.startswith(beginnings):

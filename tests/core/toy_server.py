@@ -19,6 +19,7 @@ import hpcpic.core.run.loop
 import hpcpic.core.tasks  # noqa: F401
 
 LIMIT_S = 30
+os.fsync = lambda descriptor: None  # as in the tests' own process
 
 
 def become(words: list[str], folder: str, streams: list[str]) -> None:

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import pytest
 from test_tradeoff import program, read_json  # noqa: F401  (program: a fixture)
 
+from hpcpic.core.study import bisection
 from hpcpic.core.study.bisection import RESOLUTION, Axis, Limits, bracketed
 from hpcpic.core.study.stability import strip
 
@@ -68,21 +69,24 @@ def test_a_sharp_limit_is_found_beside_the_theory(program, tmp_path):  # noqa: F
     assert len(found["tried"]) + 5 == found["runs"] and min(grown[:1]) <= 30  # and four times as long, and two seeds
 
 
-@pytest.mark.parametrize("words", [("stability", "--knob", "dt"), ("tradeoff",)])
-def test_json_is_one_document_with_the_tables_and_no_line_of_a_pilot(program, tmp_path, words):  # noqa: F811
-    done = program(*words, "-o", "out", "--json", slow=0.05)  # slow growth: stability has a table of rates
+def answer_of(done, folder):
+    """JSON of a command: one document, with the tables and no line of a pilot."""
     answer = json.loads(done.stdout)
     assert done.returncode == 0 and answer["tables"] and answer["text"]
     assert any(line.startswith("search ") and line.endswith(" by the clock") for line in answer["text"])
-    assert list((tmp_path / "out/pilots").iterdir())
+    assert list((folder / "out/pilots").iterdir())
     assert not any(line.startswith(("results", "step ", "look")) for line in answer["text"])
+    return answer
+
+
+def test_json_of_a_search_is_one_document(program, tmp_path):  # noqa: F811
+    answer_of(program("tradeoff", "-o", "out", "--knobs", "dt", "--json"), tmp_path)
 
 
 def test_slow_growth_is_told_by_the_longer_horizon(program, tmp_path):  # noqa: F811
-    """exp(0.1 t): no blow-up in 20 s, one in 80 s."""
-    done = program("stability", "-o", "out", "--knob", "dt", slow=0.05)
-    assert done.returncode == 0, done.stderr
-    assert facts(tmp_path)["slow"] and "slow growth, no limit" in done.stdout
+    """exp(0.1 t): no blow-up in 20 s, one in 80 s. It has a table of rates."""
+    answer = answer_of(program("stability", "-o", "out", "--knob", "dt", "--json", slow=0.05), tmp_path)
+    assert facts(tmp_path)["slow"] and "slow growth, no limit; rate of growth:" in answer["text"]
     sizes, rates = zip(*facts(tmp_path)["rates"])
     assert rates[0] == pytest.approx(0.05 * 2 * sizes[0] / 0.5, rel=1e-3)
 
@@ -118,11 +122,12 @@ def test_a_case_beyond_its_limit_and_a_limit_below_the_theory_are_exit_3(program
     assert done.returncode == 3 and "of the theory's" in done.stderr
 
 
-def test_a_map_follows_the_limit_over_a_second_knob(program, tmp_path):  # noqa: F811
+def test_a_map_follows_the_limit_over_a_second_knob(program, tmp_path, monkeypatch):  # noqa: F811
+    monkeypatch.setattr(bisection, "COLUMNS", (0.5, 1.0))
     done = program("stability", "--map", "dt,dx", "-o", "out", steps=40)
     assert done.returncode == 0, done.stderr
     columns = read_json(tmp_path / "out/map.json")["columns"]
-    assert len(columns) == 6 and all(c["ratio"] == pytest.approx(1.0, abs=0.05) for c in columns)
+    assert len(columns) == 2 and all(c["ratio"] == pytest.approx(1.0, abs=0.05) for c in columns)
     assert (tmp_path / "out/map.png").stat().st_size > 5000
     none = program("stability", "--map", "dt,dx", "-o", "none", steps=40, limit=100)
     assert none.returncode == 3 and "no limit of dt was found" in none.stderr

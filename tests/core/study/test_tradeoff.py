@@ -194,7 +194,7 @@ def true_error(sizes):
     return abs(sum(parts)), sum(map(abs, parts))
 
 
-def test_a_recommendation_keeps_the_tolerance_without_luck_and_goes_on_where_it_stopped(program, tmp_path):
+def test_a_recommendation_keeps_the_tolerance_without_luck_and_goes_on_where_it_stopped(program, tmp_path, drawn):
     words = ("tradeoff", "-o", "out", "--tolerance", "1%", "--write", "new.conf")
     assert program(*words[:3]).returncode == 0
     orders = {name: knob["order"] for name, knob in found(tmp_path)["knobs"].items()}
@@ -268,7 +268,7 @@ def test_where_that_is_luck_the_case_itself_is_recommended_if_it_is_good_enough(
     assert "would do by itself, but the finer neighbour is off by 2." in done.stderr
 
 
-@pytest.mark.parametrize("noise", [0.0005, 0.001, 0.002, 0.004, 0.008])
+@pytest.mark.parametrize("noise", [0.0005, 0.002, 0.008])
 def test_no_setting_dearer_than_the_case_is_recommended_where_that_is_certified_itself(program, tmp_path, noise):
     """Errors that scatter make laws that promise less than was measured."""
     done = program("tradeoff", "-o", "out", "--tolerance", "1%", "--knobs", "dx", noise=noise, dx=0.14, dear=4)
@@ -280,7 +280,7 @@ def test_no_setting_dearer_than_the_case_is_recommended_where_that_is_certified_
     assert not certified or best["work"] <= facts["pilot_work"]
 
 
-@pytest.mark.parametrize("most", [3.0, 5.0, 9.0, 30.0])
+@pytest.mark.parametrize("most", [3.0, 5.0, 30.0])
 @pytest.mark.parametrize("settings", [{"noise": 0.01}, {"order": 3.5, "dx": 0.3}, {"start": 0.05}])
 def test_pilots_cost_no_more_than_is_allowed(program, tmp_path, most, settings):
     done = program("tradeoff", "-o", "out", "--tolerance", "0.3%", "--pilots", str(most), dear=3, **settings)

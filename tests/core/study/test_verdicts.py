@@ -7,15 +7,9 @@ from types import SimpleNamespace
 import pytest
 from test_tradeoff import program  # noqa: F401
 
-from hpcpic.core.study import front, proposals, recommend
+from hpcpic.core.study import proposals, recommend
 
 WORDS = ("tradeoff", "-o", "out", "--knobs", "dx", "--tolerance")
-
-
-@pytest.fixture(autouse=True)
-def undrawn(monkeypatch):
-    """No figure of the front, which takes longer than the search."""
-    monkeypatch.setattr(front, "write", lambda *words: None)
 
 
 def shares(text):
