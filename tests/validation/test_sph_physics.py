@@ -39,6 +39,7 @@ class Done:
             while True:
                 if app.time >= following:
                     self.rows.append(app.scalars())
+                    app.sampled()
                     times.append(app.time)
                     following += period
                 if waiting and app.time >= waiting[0]:
