@@ -1,5 +1,6 @@
-"""Faces of the box, and what stands in it."""
+"""Faces of the box, what stands in it, and what that leaves of box and faces."""
 
+from collections.abc import Sequence
 from typing import Literal
 
 from hpcpic.core.case.schema import REQUIRED, Section, Vector, setting
@@ -21,7 +22,9 @@ class Boundary(Section):
         (), 'of the wall, or of the fluid through a "velocity" face, with which all fluid starts along its axis', "m/s"
     )
     profile: Literal["uniform", "parabolic"] = setting(
-        "uniform", 'type "velocity": of the velocity between walls, of which `velocity` is the mean'
+        "uniform",
+        'type "velocity": of the velocity, of which `velocity` is the mean, between walls or the planes and boxes that '
+        "narrow the face",
     )
 
 
@@ -44,3 +47,37 @@ class Obstacle(Section):
     name: str = setting("", "name in the output; by default obstacle_1, ...")
     shape: Shape
     velocity: Vector = setting((), "of its surface, along which it slides", "m/s")
+
+
+Ends = tuple[list[float], list[float]]
+
+
+def ends_between_planes(size: Sequence[float], obstacles: Sequence[Obstacle]) -> Ends:
+    """Lower and upper ends (m) along each axis of what planes across it leave of a box of this size (m)."""
+    ends, tops = [0.0] * len(size), list(size)
+    for plane in (obstacle.shape.plane for obstacle in obstacles):
+        across = [k for k, part in enumerate(plane.normal) if part] if plane is not None else []
+        if plane is not None and len(across) == 1:
+            k = across[0]
+            if plane.normal[k] > 0.0:
+                ends[k] = max(ends[k], plane.point[k])
+            else:
+                tops[k] = min(tops[k], plane.point[k])
+    return ends, tops
+
+
+def opening(axis: int, at: float, size: Sequence[float], obstacles: Sequence[Obstacle]) -> Ends:
+    """Those of the part of a face across an axis that planes leave, and boxes which stand in its nodes, `at` (m) along
+    the axis, against a whole side of it."""
+    ends, tops = ends_between_planes(size, obstacles)
+    given = [obstacle.shape.box for obstacle in obstacles]
+    boxes = [box for box in given if box is not None and box.low[axis] <= at <= box.high[axis]]
+    for box in boxes * len(boxes):  # one may stand against another
+        for j in set(range(len(size))) - {axis}:
+            others = set(range(len(size))) - {axis, j}
+            if all(box.low[m] <= ends[m] and box.high[m] >= tops[m] for m in others):
+                if box.low[j] <= ends[j] < box.high[j]:
+                    ends[j] = box.high[j]
+                if box.low[j] < tops[j] <= box.high[j]:
+                    tops[j] = box.low[j]
+    return ends, tops

@@ -15,7 +15,7 @@ from lbmdem.forecast.driven import between_faces, carried, driven, steady
 from lbmdem.forecast.free_fall import falling, landing, released, screen, unheld
 from lbmdem.forecast.node_shares import LOOSE
 from lbmdem.forecast.plan import grain_count
-from lbmdem.forecast.pressures import inflow, pressures
+from lbmdem.forecast.pressures import inflow, parabolas, pressures
 from lbmdem.forecast.relaxation import SPACING, grid_reynolds, key_of_tau, relaxation, slower
 from lbmdem.forecast.shaken import layers
 from lbmdem.forecast.throats import closed, pores, throats
@@ -33,8 +33,8 @@ ENOUGH_NODES = {2: 10.0, 3: 7.0}  # across a grain (Mansouri et al., section 4)
 def derived(config: LbmDemConfig, ranks: int = 1) -> list[Derived]:
     """Every derived number of a completed case that runs on so many ranks."""
     parts = (
-        relaxation, lattice_units, speeds, driven, steady, pressures, between_faces, inflow, ringing, sloshing, layers,
-        obstacles, throats, closed, pores, carried,
+        relaxation, lattice_units, speeds, driven, steady, pressures, between_faces, inflow, parabolas, ringing,
+        sloshing, layers, obstacles, throats, closed, pores, carried,
     )  # fmt: skip
     fluid = [number for part in parts for number in part(config)] if config.fluid else []
     solids = [*grains(config), *unheld(config), *contacts(config), *slices(config)]

@@ -10,19 +10,21 @@ import numpy as np
 
 from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived, judged
-from lbmdem.case.boundaries import Boundary
+from lbmdem.case.boundaries import Boundary, ends_between_planes
 from lbmdem.case.config import AXES, GrainSet, LbmDemConfig
 from lbmdem.forecast.free_fall import drag_alone, ergun, stays, whole_weight
 from lbmdem.forecast.node_shares import LOOSE, grains, volume
 from lbmdem.forecast.relaxation import key_of_tau, slower
 from lbmdem.physics.velocity_sets import CS2
-from lbmdem.setup.overlap_survey import ends_between_planes, packed_space, packing_ends
+from lbmdem.setup.overlap_survey import packed_space, packing_ends
+from lbmdem.setup.scene import Scene
 
 MOST = 0.5  # of rho c_s2: there a flow that is let in doubles its density, and sound halves it between walls
 # The share of it that is right, and what more does: where fluid comes in or leaves, and between walls
 THROUGH = 0.02, "speeds and pressures are off by about as much"
 SINKING = 0.1, "grains that sank diverged at 0.18"
 STILL = 0.3, "the sound of the start diverged at 0.65"
+NODES_SEEN = 1000
 DENSEST = 0.95  # solid fraction of a bed of which a resistance is told
 
 
@@ -132,7 +134,7 @@ def resistance(config: LbmDemConfig, k: int, speed: float) -> float:
     & London 1978), and that of a bed of all solids that stay."""
     if not speed:
         return 0.0
-    ends, tops = ends_between_planes(config)
+    ends, tops = ends_between_planes(config.domain.size, config.obstacle)
     walled = [j for j in range(config.dimensions) if j != k and (
         j in config.walled(k) or (ends[j] > 0.0 and tops[j] < config.domain.size[j])
     )]  # fmt: skip
@@ -206,3 +208,31 @@ def inflow(config: LbmDemConfig) -> Iterator[Derived]:
         "all", source="conservation of mass", key=("boundary", given[-1][0], "velocity"), forceable=mean > 0.0,
         cure=f"what flows in has no way out: a pressure face across {AXES[axis]} is one",
     )  # fmt: skip
+
+
+def parabolas(config: LbmDemConfig) -> Iterator[Derived]:
+    """Share of the nodes through which a parabola is to come in that obstacles cover; at most NODES_SEEN along an axis
+    are seen."""
+    d, dx = config.dimensions, config.spacing
+    for i, face in enumerate(config.boundary):
+        k = AXES.index(face.face[0])
+        if face.profile == "uniform" or not face.velocity[k] or not config.obstacle or not config.walled(k):
+            continue
+        axes = [(np.unique(np.linspace(0, n - 1, min(n, NODES_SEEN)).round()) + 0.5) * dx for n in config.points]
+        axes[k] = axes[k][:1] if face.face[1] == "-" else axes[k][-1:]
+        x = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+        covered = np.zeros(x.shape[:-1], bool)
+        for plane, box in ((obstacle.shape.plane, obstacle.shape.box) for obstacle in config.obstacle):
+            if plane is not None:
+                covered |= ((x - plane.point) * plane.normal).sum(axis=-1) <= 0.0
+            elif box is not None:
+                covered |= np.all((x >= box.low) & (x <= box.high), axis=-1)
+        across = [axis.reshape([-1 if m == j else 1 for m in range(d)]) for j, axis in enumerate(axes)]
+        inside = np.broadcast_to(Scene(config).inflow(face.face, tuple(across))[..., k] != 0.0, covered.shape)
+        share = float(covered[inside].mean()) if inside.any() else 1.0
+        yield judged(
+            f"covered part of the parabola at {face.face}", "n/n", share, ok=share == 0.0, legal=share < 1.0,
+            limit="0, < 1", source="nodes in obstacles", key=("boundary", i, "profile"), forceable=True,
+            cure="planes across an axis and boxes along a whole side narrow it, other obstacles stand in its way: put "
+            'them further inside, or say profile = "uniform"',
+        )  # fmt: skip

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.case.config import Path
 from hpcpic.core.space.products import product
+from lbmdem.case.boundaries import ends_between_planes
 from lbmdem.case.config import Diameters, GrainSet, LbmDemConfig
 from lbmdem.setup.box_walls import cover
 
@@ -140,20 +141,6 @@ def packing_ends(config: LbmDemConfig, grains: GrainSet) -> tuple[list[float], l
     lower than a slanted floor gets anywhere.
     """
     assert grains.packing is not None
-    ends, tops = ends_between_planes(config)
+    ends, tops = ends_between_planes(config.domain.size, config.obstacle)
     ends[-1] = max(ends[-1], grains.packing.low, cover(config))
-    return ends, tops
-
-
-def ends_between_planes(config: LbmDemConfig) -> tuple[list[float], list[float]]:
-    """Lower and upper ends (m) along each axis of what planes across it leave of the box."""
-    ends, tops = [0.0] * config.dimensions, list(config.domain.size)
-    for plane in (obstacle.shape.plane for obstacle in config.obstacle):
-        across = [k for k, part in enumerate(plane.normal) if part] if plane is not None else []
-        if plane is not None and len(across) == 1:
-            k = across[0]
-            if plane.normal[k] > 0.0:
-                ends[k] = max(ends[k], plane.point[k])
-            else:
-                tops[k] = min(tops[k], plane.point[k])
     return ends, tops

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.files.start import arrays
-from lbmdem.case.boundaries import Boundary
+from lbmdem.case.boundaries import Boundary, opening
 from lbmdem.case.config import AXES, LbmDemConfig
 from lbmdem.physics.units import Units
 from lbmdem.physics.velocity_sets import CS2
@@ -87,14 +87,16 @@ class Scene:
 
     def inflow(self, name: str, axes: tuple[NDArray, ...]) -> NDArray[np.float64]:
         """Velocity [..., d] through a face at its nodes, lattice units: those of `axes` without its own axis, which has
-        one. Between walls it may be a parabola; between two pairs of them a product of two.
+        one. Between walls it may be a parabola; between two pairs of them a product of two, 0 behind what stands there.
         """
-        k, face = AXES.index(name[0]), self.faces[name]
+        k, face, size = AXES.index(name[0]), self.faces[name], self.config.domain.size
+        at = 0.5 * self.units.dx if name[1] == "-" else size[k] - 0.5 * self.units.dx
+        ends, tops = opening(k, at, size, self.config.obstacle)
         across = [axis for j, axis in enumerate(axes) if j != k]
         shape = np.ones(np.broadcast_shapes(*(axis.shape for axis in across)))
         for j in self.config.walled(k) if face.profile == "parabolic" else ():
-            share = axes[j] / self.config.domain.size[j]
-            shape = shape * (6.0 * share * (1.0 - share))
+            share = (axes[j] - ends[j]) / max(tops[j] - ends[j], 1e-300)
+            shape = shape * np.maximum(6.0 * share * (1.0 - share), 0.0)
         return shape[..., None] * np.array(face.velocity)
 
     def body_force(self, step: int) -> NDArray[np.float64]:

@@ -38,6 +38,29 @@ def test_between_walls_it_is_a_product_of_parabolas_with_the_mean_that_is_given(
     assert known_speed(scene.config) == pytest.approx(0.02 * 1.5**walls)
 
 
+@pytest.mark.parametrize(
+    "obstacles, low, high, covered",
+    [
+        ('box = { low = [0.0, 0.0, 0.0]; high = [0.2, 0.4, 0.2]; }', 0.2, 0.6, 0.0),
+        ('box = { low = [0.0, -0.1, 0.4]; high = [0.2, 0.5, 0.7]; }', 0.0, 0.4, 0.0),
+        ('plane = { point = [0.0, 0.0, 0.2]; normal = [0.0, 0.0, 1.0]; }', 0.2, 0.6, 0.0),
+        ('box = { low = [0.02, 0.0, 0.0]; high = [0.2, 0.4, 0.2]; }', 0.0, 0.6, 0.0),  # further inside
+        ('box = { low = [0.0, 0.0, 0.2]; high = [0.2, 0.4, 0.4]; }', 0.0, 0.6, 1 / 3),  # in its way
+        ('box = { low = [0.0, 0.0, 0.0]; high = [0.2, 0.2, 0.2]; }', 0.0, 0.6, 1 / 6),  # in a corner
+    ],
+)  # fmt: skip
+def test_it_goes_through_what_obstacles_leave_of_the_face_or_is_warned_of(obstacles, low, high, covered):
+    text = BOX.format(periodic="", type="velocity", given="velocity = [0.02, 0.0, 0.0]", length=0.8, height=0.6)
+    scene = Scene(config := configure(loads(text + f"obstacle = ({{ shape = {{ {obstacles}; }}; }});")))
+    y, z = ((np.arange(n) + 0.5) * 0.02 for n in scene.points[1:])
+    u = scene.inflow("x-", (np.full((1, 1, 1), 0.01), y[None, :, None], z[:, None, None]))[:, :, 0, 0]
+    share = (z - low) / (high - low)
+    known = np.maximum(6 * share * (1 - share), 0.0)[:, None] * 6 * y / 0.4 * (1 - y / 0.4)
+    np.testing.assert_allclose(u * scene.units.velocity, 0.02 * known, atol=1e-12)
+    row = next(one for one in derived(config) if one.name == "covered part of the parabola at x-")
+    assert row.value == pytest.approx(covered) and row.verdict == ("warn" if covered else "ok")
+
+
 @pytest.mark.parametrize("type, given", [("pressure", "pressure = 0.0"), ("wall", "velocity = [0.0, 0.1, 0.0]")])
 def test_other_faces_have_none(type, given):
     with pytest.raises(ConfigError, match=rf"profile: a {type} face has none"):
