@@ -1,5 +1,6 @@
 """Faces of the box, what stands in it, and what that leaves of box and faces."""
 
+import itertools
 from collections.abc import Sequence
 from typing import Literal
 
@@ -72,8 +73,10 @@ def opening(axis: int, at: float, size: Sequence[float], obstacles: Sequence[Obs
     ends, tops = ends_between_planes(size, obstacles)
     given = [obstacle.shape.box for obstacle in obstacles]
     boxes = [box for box in given if box is not None and box.low[axis] <= at <= box.high[axis]]
-    for box in boxes * len(boxes):  # one may stand against another
-        for j in set(range(len(size))) - {axis}:
+    before: Ends = ([], [])
+    while before != (ends, tops):  # a box may stand against another
+        before = ([*ends], [*tops])
+        for box, j in itertools.product(boxes, set(range(len(size))) - {axis}):
             others = set(range(len(size))) - {axis, j}
             if all(box.low[m] <= ends[m] and box.high[m] >= tops[m] for m in others):
                 if box.low[j] <= ends[j] < box.high[j]:

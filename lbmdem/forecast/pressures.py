@@ -2,6 +2,7 @@
 density is its pressure.
 """
 
+import itertools
 import math
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -10,7 +11,7 @@ import numpy as np
 
 from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived, judged
-from lbmdem.case.boundaries import Boundary, ends_between_planes
+from lbmdem.case.boundaries import Boundary, Obstacle, opening
 from lbmdem.case.config import AXES, GrainSet, LbmDemConfig
 from lbmdem.forecast.free_fall import drag_alone, ergun, stays, whole_weight
 from lbmdem.forecast.node_shares import LOOSE, grains, volume
@@ -113,7 +114,7 @@ def drops(config: LbmDemConfig, k: int, faces: list[Boundary | None]) -> dict[st
     size, rho, speed = config.domain.size, config.liquid.density, 0.0
     if all(face and face.type != "wall" for face in faces):
         speed = max((face.velocity[k] for face in faces if face and face.type == "velocity"), key=abs, default=0.0)
-    found = {"drop of the flow": math.copysign(resistance(config, k, abs(speed)), speed)}
+    found = {"drop of the flow": math.copysign(resistance(config, k, speed), speed)}
     found["the body force"] = -rho * config.liquid.body_force[k] * size[k]
     down = config.gravity[k] / math.hypot(*config.gravity) if any(config.gravity) else 0.0
     for group in config.grains if down else ():
@@ -130,22 +131,14 @@ def drops(config: LbmDemConfig, k: int, faces: list[Boundary | None]) -> dict[st
 
 
 def resistance(config: LbmDemConfig, k: int, speed: float) -> float:
-    """Drop of the pressure, Pa, of a flow of this mean speed along an axis: that of a slot or a rectangular duct (Shah
-    & London 1978), and that of a bed of all solids that stay."""
+    """Drop of the pressure, Pa, of a flow along an axis that a face lets in at this mean speed: that of a slot or duct,
+    which planes and boxes narrow from place to place, and that of a bed of all other solids that stay."""
     if not speed:
         return 0.0
-    ends, tops = ends_between_planes(config.domain.size, config.obstacle)
-    walled = [j for j in range(config.dimensions) if j != k and (
-        j in config.walled(k) or (ends[j] > 0.0 and tops[j] < config.domain.size[j])
-    )]  # fmt: skip
-    found, gaps = 0.0, sorted(tops[j] - ends[j] for j in walled)
-    if gaps:
-        a = gaps[0] / gaps[1] if len(gaps) == 2 else 0.0
-        shape = 1 - 1.3553 * a + 1.9467 * a**2 - 1.7012 * a**3 + 0.9564 * a**4 - 0.2537 * a**5
-        gradient = 12.0 * shape * (1.0 + a) ** 2 * speed / gaps[0] ** 2
-        found = config.liquid.density * config.liquid.kinematic_viscosity * gradient * config.domain.size[k]
+    narrowing = [obstacle for obstacle in config.obstacle if narrows(config, k, obstacle)]
+    found = section_drop(config, k, speed, narrowing)
     held = [span(config, group, k) for group in config.grains if stays(config, group)]
-    for box in (obstacle.shape.box for obstacle in config.obstacle):
+    for box in (obstacle.shape.box for obstacle in config.obstacle if obstacle not in narrowing):
         if box is not None:
             low = [max(0.0, a) for a in box.low]
             edges = [min(b, length) - a for a, b, length in zip(low, box.high, config.domain.size)]
@@ -157,6 +150,44 @@ def resistance(config: LbmDemConfig, k: int, speed: float) -> float:
         whole = Bed(solid, surface, min(one.low for one in held), max(one.high for one in held))
         found += bed_drop(config, k, whole, speed)
     return found
+
+
+def narrows(config: LbmDemConfig, k: int, obstacle: Obstacle) -> bool:
+    """Whether an obstacle is a plane across an axis, or a box that makes sections across the axis k narrower."""
+    box = obstacle.shape.box
+    at = 0.0 if box is None else 0.5 * (box.low[k] + box.high[k])
+    others = [other for other in config.obstacle if other is not obstacle]
+    size = config.domain.size
+    return opening(k, at, size, config.obstacle) != opening(k, at, size, others)
+
+
+def section_drop(config: LbmDemConfig, k: int, speed: float, obstacles: list[Obstacle]) -> float:
+    """The largest pressure above that of the outlet, Pa, in a channel of sections that differ: friction of the slot or
+    the rectangular duct (Shah & London 1978), what speeds the fluid up where it narrows, with half of it lost, and what
+    comes back where it widens (Borda & Carnot)."""
+    size, rho = config.domain.size, config.liquid.density
+    boxes = [obstacle.shape.box for obstacle in obstacles if obstacle.shape.box is not None]
+    marks = {min(max(mark, 0.0), size[k]) for box in boxes for mark in (box.low[k], box.high[k])} | {0.0, size[k]}
+    places = sorted(marks, reverse=speed > 0.0)  # from the outlet on
+    sections = [(abs(b - a), opening(k, 0.5 * (a + b), size, obstacles)) for a, b in itertools.pairwise(places)]
+    areas = [math.prod(tops[j] - ends[j] for j in range(len(size)) if j != k) for _, (ends, tops) in sections]
+    if min(areas) <= 0.0:
+        return 0.0  # nothing flows
+    pressure = most = 0.0
+    speeds = [abs(speed) * areas[-1] / area for area in areas]
+    for (length, (ends, tops)), u, before in zip(sections, speeds, [*speeds[1:], speeds[-1]]):
+        gaps = sorted(tops[j] - ends[j] for j in range(len(size)) if j != k and (
+            j in config.walled(k) or (ends[j] > 0.0 and tops[j] < size[j])
+        ))  # fmt: skip
+        if gaps:
+            a = gaps[0] / gaps[1] if len(gaps) == 2 else 0.0
+            shape = 1 - 1.3553 * a + 1.9467 * a**2 - 1.7012 * a**3 + 0.9564 * a**4 - 0.2537 * a**5
+            gradient = 12.0 * shape * (1.0 + a) ** 2 * u / gaps[0] ** 2
+            pressure += rho * config.liquid.kinematic_viscosity * gradient * length
+        most = max(most, pressure)
+        pressure += 0.75 * rho * (u * u - before * before) if u > before else -rho * u * (before - u)
+        most = max(most, pressure)
+    return most
 
 
 def bed_drop(config: LbmDemConfig, k: int, bed: Bed, speed: float) -> float:
