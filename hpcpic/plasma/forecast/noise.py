@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 
 from hpcpic.core.case.derived import Derived, judged
-from hpcpic.plasma.case.config import MOST_PARTICLES, PlasmaConfig, Species
+from hpcpic.plasma.case.config import MOST_PARTICLES, PlasmaConfig, Species, velocity_components
 from hpcpic.plasma.forecast.densest import at_densest, densest
 from hpcpic.plasma.forecast.scales import (
     charge_density,
@@ -140,6 +140,21 @@ def start_noise(config: PlasmaConfig) -> float:
             charge = macro_charge(config, species)
             field += n * charge * charge * length / (24 * config.constants.vacuum_permittivity)
     return field / heat if heat else math.nan
+
+
+def share_along(config: PlasmaConfig, start: float) -> float:
+    """Share of the energy that the motion along the only axis with a field has, with `start`, see start_noise: the grid
+    heats that motion alone, of all components of the velocity. 1 on more axes.
+    """
+    if field_axes(config) != 1:
+        return 1.0
+    axis, heats = next(axis for axis, n in enumerate(config.points) if n > 1), [0.0] * velocity_components(config)
+    for species in config.species:
+        for k in range(len(heats)):
+            spread = max(part.spread for part in loader_of(species).populations(species, k))
+            heats[k] += (species.particles or 0) * macro_mass(config, species) * spread * spread
+    fed = heats[axis] * (1.0 + start)
+    return fed / (fed + sum(heats) - heats[axis]) if fed else 1.0
 
 
 def alike_per_cell(config: PlasmaConfig) -> float:

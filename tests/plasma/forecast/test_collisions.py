@@ -57,7 +57,8 @@ def test_temperatures_and_energies_of_unequal_weights_come_together_as_told(spre
 def test_one_temperature_and_what_does_not_collide_is_not_told():
     assert told(plasma((1.0, 1.05))) is None
     assert told(plasma(dimensions=1)) is None
-    assert told(plasma(field={"magnetic": [0.0, 0.0, 1.0]})) is None
+    across = told(plasma(field={"magnetic": [0.0, 0.0, 1.0]}))
+    assert across.value == told(plasma()).value and "at 0.4 to 1 of this rate" in across.source
     assert told(plasma().changed({"species[1].drift_velocity": [4.0, 0.0]})) is None  # too fast to meet the others
     still, tiny = {"simulation.cycles": 0}, {"species[0].thermal_velocity": 1e-70, "species[1].thermal_velocity": 1e70}
     assert told(plasma().changed(still)).verdict == told(plasma(dimensions=3).changed(tiny)).verdict == "ok"

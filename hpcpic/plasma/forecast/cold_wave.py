@@ -1,0 +1,151 @@
+"""Cold species at rest that waves set moving, which a case starts or a weak beam drives: aliases heat them."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from hpcpic.core.case.derived import Derived, judged, rounded_down
+from hpcpic.plasma.case.config import MOST_POINTS, Equation, PlasmaConfig, Species, velocity_components, volume
+from hpcpic.plasma.forecast.cold_drift import COLD, TOLD
+from hpcpic.plasma.forecast.noise import started_amplitude
+from hpcpic.plasma.forecast.scales import (
+    MOST_WITHOUT_FIELD,
+    charge_density,
+    plasma_frequency,
+    spacing,
+    total_plasma_frequency,
+)
+from hpcpic.plasma.setup.loaders import loader_of
+from hpcpic.plasma.setup.macro_particles import macro_mass
+
+
+@dataclass(frozen=True, slots=True)
+class Aliases:
+    """gain: of m (wp dx)^2/2 a particle until wp t = 400, whatever the speed u that the wave gives it, in wp dx, up to
+    FASTEST; it begins at wp t = onset/u, and is twice as much by 800.
+    """
+
+    gain: float
+    onset: float
+
+
+# 1D, 64 points, 64 particles per cell at even places, wp dt = 0.2, waves of u = 0.02 to 3 and beams of 0.0003 to 0.1 of
+# the density: docs/measured/plasma.md.
+ALIASES = {
+    ("NGP", "difference"): Aliases(0.2, 5.0), ("CIC", "difference"): Aliases(0.02, 20.0),
+    ("TSC", "difference"): Aliases(0.0045, 40.0), ("NGP", "spectral"): Aliases(0.2, 5.0),
+    ("CIC", "spectral"): Aliases(0.06, 10.0), ("TSC", "spectral"): Aliases(0.05, 20.0),
+}  # fmt: skip
+FASTEST = 3.0  # wp dx: no heating of faster motions was seen
+WEAK = 0.3  # density of a beam over that of the plasma, for the laws below
+GROWN = 5.0  # e-folds until the wave of a beam is large
+# A weak cold beam of f times the density, at v, drives the wave k = wp/v at the rate sqrt(3/4) (f/2)^(1/3) wp until it
+# traps the beam, when it moves the plasma by SATURATED f^(2/3) v (measured for f from 0.0003 to 0.03).
+SATURATED = 1.3
+
+
+@dataclass(frozen=True, slots=True)
+class Moved:
+    """A speed that a wave gives a species, m/s, and from when on, s."""
+
+    speed: float
+    since: float
+
+
+def cold_wave(config: PlasmaConfig) -> Iterator[Derived]:
+    """What aliases make of the energy of the scene by each cold species that waves move, along the axis where that is
+    most. Not told where clouds are as large as cells or B lies across, as little was heated there, nor of another field
+    equation.
+    """
+    numerics = config.numerics
+    if numerics.cloud_radius >= min(spacing(config)) or config.field.equation != Equation():
+        return
+    energy, aliases = energy_at_start(config), ALIASES[numerics.shape, numerics.gradient]
+    for species in config.species:
+        speed, cell = heated_motion(config, species, aliases)
+        if not speed or not energy:
+            continue
+        heat = 0.5 * (species.particles or 0) * macro_mass(config, species) * cell * cell
+        growth = aliases.gain * heat / energy
+        finer = math.sqrt(growth / TOLD) * (1 + 1e-9)
+        points = [math.ceil(n * finer) if n > MOST_WITHOUT_FIELD else n for n in config.points]
+        ways = [f"grid.points = {points}"] if max(points) <= MOST_POINTS else []
+        if numerics.gradient == "difference" and numerics.shape != "TSC":
+            less = growth * ALIASES["TSC", "difference"].gain / aliases.gain
+            ways.insert(0, f'numerics.shape = "TSC" ({less:.2g} of it)')
+        if config.simulation.solver == "MFT":
+            ways.append(f"numerics.cloud_radius = {rounded_down(min(spacing(config)) * 1.1):g}")
+        beyond = "measured in 1D until wp t = 400; up to five times it later, in 2D or on 32 points"
+        yield judged(
+            f"aliases in cold {species.name}", "dW/W(0)", growth, limit=f"< {TOLD:g}", ok=growth < TOLD, legal=True,
+            source=f"waves move it by {speed / cell:.2g} wp dx; {beyond}",
+            cure=", or ".join([*ways, "a spread of lambda_D = dx/2 or more"]), key=("grid", "points"),
+        )  # fmt: skip
+
+
+def heated_motion(config: PlasmaConfig, species: Species, aliases: Aliases) -> tuple[float, float]:
+    """The fastest motion, m/s, by waves along an axis where the run sees aliases heat this species, and wp dx there;
+    zeros where there is none.
+    """
+    time, wp = abs(config.simulation.time_step) * config.simulation.cycles, plasma_frequency(config, species)
+    found = [(0.0, 0.0)]
+    axes = range(config.dimensions) if wp and (species.particles or 0) >= config.cells else ()
+    for axis in axes:
+        cell, across = wp * spacing(config)[axis], [b for j, b in enumerate(config.field.magnetic) if j != axis]
+        if config.points[axis] <= MOST_WITHOUT_FIELD or any(across) or not at_rest(species, axis, COLD * cell):
+            continue
+        waves = (*by_start(config, species, axis), *by_beams(config, species, axis))
+        seen = [one.speed for one in waves if wp * (time - one.since) * one.speed > aliases.onset * cell]
+        found += [(speed, cell) for speed in seen if speed < FASTEST * cell]
+    return max(found, key=lambda one: (one[1], one[0]))
+
+
+def at_rest(species: Species, axis: int, spread: float) -> bool:
+    """Whether a species does not drift along an axis and has less than a velocity spread there."""
+    return all(part.mean == 0.0 and part.spread < spread for part in loader_of(species).populations(species, axis))
+
+
+def by_start(config: PlasmaConfig, species: Species, axis: int) -> Iterator[Moved]:
+    """Motions in the field of each wave that the case starts: (q/m) E/wp."""
+    for mode, field in started_fields(config).items():
+        vector = [n / length for n, length in zip(mode, config.simulation.space_length)]
+        along = abs(vector[axis]) / math.hypot(*vector) * field
+        if wp := total_plasma_frequency(config):
+            yield Moved(abs(species.charge / species.mass) * along / wp, 0.0)
+
+
+def started_fields(config: PlasmaConfig) -> dict[tuple[int, ...], float]:
+    """Amplitudes of E, V/m, of the modes that species start."""
+    fields: dict[tuple[int, ...], float] = {}
+    for species in config.species:
+        if species.perturbation and species.particles:
+            mode = max(species.perturbation.mode, tuple(-n for n in species.perturbation.mode))
+            k = 2 * math.pi * math.hypot(*(n / length for n, length in zip(mode, config.simulation.space_length)))
+            charge = charge_density(config, species) * math.copysign(1.0, species.perturbation.amplitude)
+            field = charge * started_amplitude(config, species) / (k * config.constants.vacuum_permittivity)
+            fields[mode] = fields.get(mode, 0.0) + field
+    return {mode: abs(field) for mode, field in fields.items()}
+
+
+def by_beams(config: PlasmaConfig, species: Species, axis: int) -> Iterator[Moved]:
+    """Motions in the waves that weak cold beams along an axis drive, where the box has one."""
+    wp, length = plasma_frequency(config, species), config.simulation.space_length[axis]
+    for other in config.species:
+        for part in loader_of(other).populations(other, axis):
+            share = part.share * (plasma_frequency(config, other) / wp) ** 2
+            speed = abs(part.mean)
+            narrow = part.spread < share ** (1 / 3) * speed
+            if 0 < share < WEAK and narrow and 2 * math.pi * speed < wp * length * (1 + share ** (1 / 3)):
+                growth = math.sqrt(0.75) * (0.5 * share) ** (1 / 3) * wp
+                yield Moved(SATURATED * share ** (2 / 3) * speed, GROWN / growth)
+
+
+def energy_at_start(config: PlasmaConfig) -> float:
+    """Energy of drifts, heat and started waves, J."""
+    total = sum(field * field for field in started_fields(config).values())
+    total *= 0.25 * config.constants.vacuum_permittivity * volume(config)
+    for species in config.species:
+        axes = (loader_of(species).populations(species, axis) for axis in range(velocity_components(config)))
+        square = sum(part.share * (part.mean**2 + part.spread**2) for parts in axes for part in parts)
+        total += 0.5 * (species.particles or 0) * macro_mass(config, species) * square
+    return total

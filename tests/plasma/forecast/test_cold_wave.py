@@ -1,0 +1,67 @@
+"""Cold plasmas at rest that waves move: what check says of their heating by aliases, against runs."""
+
+import re
+
+import pytest
+from app_runner import running
+from forecast_numbers import numbers
+
+from hpcpic.core.case.config import loads
+from hpcpic.plasma.configure import configure
+
+DX = 0.1
+WAVE = """
+simulation = { cycles = 1000; time_step = 0.2; space_length = [6.4]; };
+grid = { points = [64]; };
+species = ( { name = "e"; charge = -1.0; mass = 1.0; plasma_frequency = 1.0; particles = 4096; init_method = "quiet";
+              perturbation = { mode = [1]; amplitude = 0.03; }; } );
+"""
+BEAM = """
+simulation = { cycles = 1800; time_step = 0.2; space_length = [6.4]; };
+grid = { points = [64]; };
+species = ( { name = "e"; charge = -1.0; mass = 1.0; plasma_frequency = 1.0; particles = 4096; init_method = "quiet"; },
+            { name = "beam"; charge = -1.0; mass = 1.0; plasma_frequency = 0.0447; particles = 4096;
+              init_method = "quiet"; drift_velocity = [1.0]; perturbation = { mode = [1]; amplitude = 1e-3; }; } );
+"""
+
+
+def told(text, *sets):
+    return numbers(sets, text)[0].get("dW/W(0)")
+
+
+def amplitude(ratio):
+    """A setting for the amplitude whose wave moves the plasma by so many wp dx."""
+    return f"species[0].perturbation.amplitude={ratio * 2 * 3.14159265 / 64}"
+
+
+@pytest.mark.parametrize("text, sets, least", [
+    (WAVE, [amplitude(0.3)], 0.2), (WAVE, [amplitude(0.02)], None),
+    (BEAM, [], 0.03), (BEAM, ["grid.points=[128]"], 0.01),
+])  # fmt: skip
+def test_a_cold_plasma_that_waves_move_is_heated_as_told_within_a_factor_of_two(text, sets, least, world):
+    """By the rates of docs/measured/plasma.md; nothing is told of a wave so small that the run sees none of it."""
+    number = told(text, *sets)
+    with running(world, "hpcpic", configure(loads(text, sets=sets))) as app:
+        before = app.scalars()["energy_total"]
+        for _ in range(app.n_steps):
+            app.step()
+        grown = app.scalars()["energy_total"] / before - 1
+    if least is None:
+        assert number is None and abs(grown) < 0.02  # of which (wp dt/2)^2 = 1 % is of the frequency
+    else:
+        assert number.verdict == "warn" and grown > least
+        assert 0.5 < number.value / grown < 2.0
+
+
+def test_its_cures_pass_and_where_nothing_is_heated_nothing_is_told():
+    one = r"(\S+ = \S+)"
+    ways = re.match(rf"{one} \(0.009 of it\), or {one}, or {one}, or a spread", told(WAVE, amplitude(1.0)).cure)
+    shape, points, clouds = ways.groups()
+    for setting in (shape, points):
+        assert told(WAVE, amplitude(1.0), setting).verdict == "ok"
+    warm, fast, short = "species[0].thermal_velocity=0.05", amplitude(4.0), "simulation.cycles=50"
+    across, screened = "field.magnetic=[0, 0, 1]", "field.equation.c=-1"
+    for setting in (clouds, warm, fast, short, across, screened, "species[0].drift_velocity=[0.1]"):
+        assert told(WAVE, amplitude(1.0), setting) is None
+    assert told(WAVE, amplitude(1.0), "field.magnetic=[1, 0, 0]").verdict == "warn"
+    assert told(BEAM, "species[1].drift_velocity=[2.0]") is None  # its wave is longer than the box
