@@ -3,10 +3,13 @@
 import csv
 import json
 import shutil
-import subprocess
+from types import SimpleNamespace
 
 import pytest
-from toy_runner import RUN_A, TOY, Toy, environment
+from toy_runner import RUN_A, Toy
+
+from hpcpic.core.errors import FileError
+from hpcpic.core.run.checkpoint import require_same_case
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +42,7 @@ def test_a_finished_run_goes_on_to_the_same_state(half, ranks, words):
     assert [int(row[0]) for row in rows[1:]] == list(range(201))
 
 
-@pytest.mark.parametrize("ranks, words", [(1, ()), (2, ()), (1, ("--set", "output.field=10"))])
+@pytest.mark.parametrize("ranks, words", [(2, ()), (1, ("--set", "output.field=10"))])
 def test_a_finished_run_that_is_not_to_end_later_stays_as_it_is(half, ranks, words):
     """Its timers above all: a part of no step has none."""
 
@@ -55,13 +58,12 @@ def test_a_finished_run_that_is_not_to_end_later_stays_as_it_is(half, ranks, wor
     assert content() == before
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
-def test_an_end_before_the_checkpoint_is_refused_and_changes_nothing(half, ranks):
+def test_an_end_before_the_checkpoint_is_refused_and_changes_nothing(half):
     before, config = half.facts("a"), (half.folder / "a/config.conf").read_text()
-    done = half("restart", "a", "--until", "0.01", ranks=ranks)
+    done = half("restart", "a", "--until", "0.01", ranks=2)
     assert done.returncode == 2 and done.stderr.count("the checkpoint is of step 100") == 1
-    for wrong in ("nan", "-1") if ranks == 1 else ():
-        done = half("restart", "a", "--until", wrong, ranks=ranks)
+    for wrong in ("nan", "-1"):
+        done = half("restart", "a", "--until", wrong)
         assert done.returncode == 2 and "must be a time in s after the start" in done.stderr
     assert half.facts("a") == before and (half.folder / "a/config.conf").read_text() == config
 
@@ -72,12 +74,11 @@ def test_the_state_cannot_be_changed(half):
     assert half.facts("a")["status"] == "finished"
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
-def test_a_checkpoint_of_other_settings_is_refused_with_what_differs(half, ranks):
+def test_a_checkpoint_of_other_settings_is_refused_with_what_differs(half):
     config = half.folder / "a/config.conf"
     config.write_text(config.read_text().replace("courant = 0.25", "courant = 0.5").replace("rows = 50", "rows = 51"))
     before = half.facts("a")
-    done = half("restart", "a", "--until", "1", ranks=ranks)
+    done = half("restart", "a", "--until", "1", ranks=2)
     assert done.returncode == 2 and done.stderr.count("other settings") == 1
     assert "  courant: 0.25 then, 0.5 now\n" in done.stderr and "  rows: 50 then, 51 now\n" in done.stderr
     assert half.facts("a") == before and "Traceback" not in done.stderr
@@ -90,18 +91,10 @@ def test_what_does_not_belong_to_the_state_may_be_edited(half):
     assert half.facts("a")["state_digest"] == half.digest(steps=200)
 
 
-def test_a_checkpoint_of_another_program_is_refused(half):
-    facts = half.facts("a")
-    del facts["program"]  # which would be told before
-    (half.folder / "a/run.json").write_text(json.dumps(facts))
-    words = half.words("restart", "a")
-    script = f"import sys; sys.argv[0] = {words[1]!r}; sys.path[:0] = [{str(TOY.parent)!r}]\n"
-    script += "import dataclasses, toy_app\nfrom hpcpic.core.cli.main import build\n"
-    script += "build(lambda: dataclasses.replace(toy_app.APP, name='other'), 'other', 'another')(sys.argv[1:])\n"
-    done = subprocess.run(
-        [words[0], "-c", script, *words[2:]], cwd=half.folder, env=environment(), capture_output=True, text=True
-    )
-    assert done.returncode == 6 and "a checkpoint of toy, not of other" in done.stderr
+def test_a_checkpoint_of_another_program_is_refused():
+    reader = SimpleNamespace(path="a.h5", attributes={"program": "toy", "settings": {}})
+    with pytest.raises(FileError, match="a checkpoint of toy, not of other"):
+        require_same_case(reader, "other", {})
 
 
 def test_a_run_of_another_program_is_told_by_name(half):
@@ -138,11 +131,10 @@ def test_a_damaged_checkpoint_is_passed_over(toy):
     assert toy.facts("a")["state_digest"] == toy.digest(steps=200)
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
-def test_no_usable_checkpoint_is_exit_6_told_once(half, ranks):
+def test_no_usable_checkpoint_is_exit_6_told_once(half):
     for path in (half.folder / "a/checkpoints").iterdir():
         path.write_bytes(path.read_bytes()[:-10])
-    done = half("restart", "a", "--until", "1", ranks=ranks)
+    done = half("restart", "a", "--until", "1", ranks=2)
     assert done.returncode == 6
     assert done.stderr.count("no checkpoint can be used") == 1
     assert "Traceback" not in done.stderr and "Abort" not in done.stderr

@@ -47,19 +47,18 @@ def test_signal_to_mpirun(toy, name, restart_ranks):
     check_stopped_and_goes_on(toy, process, name, restart_ranks)
 
 
-@pytest.mark.parametrize("name, restart_ranks", [("SIGINT", 2), ("SIGHUP", 1), ("SIGXCPU", 1)])
+@pytest.mark.parametrize("name, restart_ranks", [("SIGINT", 2), ("SIGHUP", 1)])
 def test_signal_to_a_single_process(hangups, toy, name, restart_ranks):
     process = toy.start(*RUN_A, **SLOW)
     process.send_signal(signal.Signals[name])
     check_stopped_and_goes_on(toy, process, name, restart_ranks)
 
 
-@pytest.mark.parametrize("name", ["SIGTERM", "SIGUSR2", "SIGHUP"])
-def test_signal_to_one_rank_stops_all_at_one_step(hangups, toy, name):
+def test_signal_to_one_rank_stops_all_at_one_step(toy):
     """SIGUSR2 and SIGHUP end MPICH's launcher itself: who sends them sends them to the ranks."""
     process = toy.start(*RUN_A, ranks=2, **SLOW)
-    os.kill(ranks_of(process)[-1], signal.Signals[name])
-    check_stopped_and_goes_on(toy, process, name, 2)
+    os.kill(ranks_of(process)[-1], signal.SIGUSR2)
+    check_stopped_and_goes_on(toy, process, "SIGUSR2", 2)
 
 
 ALONE = """
@@ -104,10 +103,10 @@ def test_stop_comes_promptly(toy):
 
 def test_wall_limit_ends_before_it(toy):
     begin = time.monotonic()
-    done = toy(*RUN_A, "--wall", "0:10", steps=100000, pause=0.005)
+    done = toy(*RUN_A, "--wall", "0:06", steps=100000, pause=0.005)
     assert done.returncode == 5, done.stderr
     assert "wall clock" in done.stdout
-    assert toy.facts("a")["wall_seconds"] < 10.0 < time.monotonic() - begin + 10.0
+    assert toy.facts("a")["wall_seconds"] < 6.0 < time.monotonic() - begin + 6.0
     assert toy.checkpoints("a")[-1] == toy.facts("a")["steps"] > 0
 
 
@@ -116,12 +115,6 @@ def test_wall_limit_shorter_than_the_start_still_leaves_a_checkpoint(toy):
     assert done.returncode == 5, done.stderr
     assert "came before the first step: the start alone took" in done.stdout
     assert toy.checkpoints("a") == [0]
-
-
-def test_end_of_the_slurm_job_is_a_wall_limit(toy):
-    env = {"SLURM_JOB_END_TIME": str(int(time.time()) + 5)}
-    done = toy(*RUN_A, env=env, steps=100000, pause=0.005)
-    assert done.returncode == 5 and "wall clock" in done.stdout
 
 
 @own_ending

@@ -19,6 +19,7 @@ from app_runner import TIMEOUT_S, launch
 from click.testing import CliRunner
 from toy_runner import ROOT, RUN_A, environment
 
+from hpcpic.__main__ import load_app
 from hpcpic.core.app.text import table
 from hpcpic.core.case.config import load
 from hpcpic.core.cli.main import VERBS, build
@@ -324,8 +325,8 @@ def test_doctor_is_exit_3_when_cores_are_oversubscribed(toy, ranks):
     ],
 )
 def test_tables_as_json_hold_the_numbers_behind_their_cells(words, column, first):
-    done = launch(1, "-m", "hpcpic", *words.split(), "--json")
-    answer = json.loads(done.stdout)
+    done = CliRunner().invoke(build(load_app, "hpcpic", "plasma"), [*words.split(), "--json"])
+    answer = json.loads(done.output)
     row = answer["tables"][0][0]
     assert first in (None, row[column])
     numbers = [value for table in answer["tables"] for row in table for value in row.values()]
@@ -352,8 +353,8 @@ def test_the_text_of_a_case_is_a_case_of_its_own_elsewhere(name, tmp_path):
 
 
 def test_the_schema_of_cases_is_one_of_json():
-    command = [sys.executable, "-m", "sph", "show", "water-column", "--schema"]
-    schema = json.loads(subprocess.run(command, capture_output=True, text=True, env=environment()).stdout)
+    done = CliRunner().invoke(build(lambda: SPH, "sph", "x"), ["show", "water-column", "--schema"])
+    schema = json.loads(done.output)
     assert schema["type"] == "object" and "fluid" in schema["properties"]
 
 
