@@ -8,6 +8,10 @@ that run it, and says itself how: plasma and lattice are made longer along the s
 grains in a volume; SPH takes more particles for the same scene. Efficiency is the work (particles or nodes) per core
 and second beside that of 1x1. Both tell how far the model of `estimate` is off.
 
+What the machine itself allows is measured beside them: as many runs of 1x1 at once as a point has cores, which exchange
+nothing. Cores share memory, caches and clock, and two that a cloud lends may be threads of one. A code gains no more,
+but where its share of a scene fits into caches and the whole does not.
+
 A point is repeated until the standard error of the mean step time is 1 % of the mean (the rule of the thesis,
 `stop_SEM`) or the repeats are used up. The points of one table are interleaved, so that a slow minute of the machine
 hits all of them. The first steps of each run (cold caches, first touch) are dropped by the run itself.
@@ -39,11 +43,12 @@ MPIRUN = launcher() or "mpirun"
 
 @dataclass
 class Point:
-    """One ranks x threads setting and the step times [s] its repeats measured."""
+    """One ranks x threads setting and the step times [s] its repeats measured. copies: such runs at the same time."""
 
     ranks: int
     threads: int
     sets: tuple[str, ...]
+    copies: int = 1
     estimate: float = float("nan")  # s per step, predicted before the runs
     seconds: list[float] = field(default_factory=list)
     items: int = 0  # particles or nodes
@@ -96,21 +101,24 @@ def ending(app: Any, config: Any, steps: int) -> tuple[str, ...]:
     return app.until(config, steps * app.time_step(config))
 
 
-def measure(program: str, case: str, point: Point) -> dict[str, Any]:
-    """Run the case once at this point and append its median step time; all that it says of itself."""
+def measure(program: str, case: str, point: Point) -> None:
+    """Run the case once at this point, all copies at the same time, and append the mean of their median step times."""
     with tempfile.TemporaryDirectory(prefix="scaling-") as folder:
-        out = Path(folder) / "run"
+        outs = [Path(folder) / f"run-{copy}" for copy in range(point.copies)]
         sets = [argument for s in point.sets for argument in ("--set", s)]
-        command = [MPIRUN, "-n", str(point.ranks), sys.executable, "-P", "-m", program, "run", case, "-o", str(out)]
+        command = [MPIRUN, "-n", str(point.ranks), sys.executable, "-P", "-m", program, "run", case]
         command += ["--threads", str(point.threads), *sets]
-        done = subprocess.run(command, capture_output=True, text=True, env=dict(os.environ, OMP_NUM_THREADS="1"))
-        if done.returncode != 0:
-            sys.exit(f"{' '.join(command)}\nended with {done.returncode}\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
-        summary = json.loads((out / "run.json").read_text())
-    point.seconds.append(summary["step_seconds"]["median"])
-    point.estimate = summary["estimate"]["step_seconds"]
-    point.items = summary["work_items"]
-    return summary
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+        environment = dict(os.environ, OMP_NUM_THREADS="1")
+        runs = [subprocess.Popen([*command, "-o", str(out)], env=environment, **pipes) for out in outs]
+        for run in runs:
+            said, _ = run.communicate()
+            if run.returncode != 0:
+                sys.exit(f"{' '.join(command)}\nended with {run.returncode}\n{said[-4000:]}")
+        summaries = [json.loads((out / "run.json").read_text()) for out in outs]
+    point.seconds.append(statistics.mean(summary["step_seconds"]["median"] for summary in summaries))
+    point.estimate = summaries[0]["estimate"]["step_seconds"]
+    point.items = summaries[0]["work_items"]
 
 
 def measure_all(program: str, case: str, points: list[Point], repeats: int) -> None:
@@ -119,18 +127,24 @@ def measure_all(program: str, case: str, points: list[Point], repeats: int) -> N
         for point in points:
             if not point.settled():
                 measure(program, case, point)
+                at_once = f", {point.copies} runs at once" if point.copies > 1 else ""
                 print(
-                    f"  repeat {repeat + 1}: {point.ranks} ranks x {point.threads} threads  "
+                    f"  repeat {repeat + 1}: {point.ranks} ranks x {point.threads} threads{at_once}  "
                     f"{1e3 * point.seconds[-1]:.3f} ms per step",
                     flush=True,
                 )
 
 
-def table(points: list[Point], weak: bool) -> list[dict]:
-    """One row a point; efficiency is the work per core and second beside that of the first point."""
+def table(points: list[Point], alone: dict[int, Point], weak: bool) -> list[dict]:
+    """One row a point; efficiency is the work per core and second beside that of the first point, possible that of
+    runs which exchange nothing, `alone` by how many there were at once.
+    """
 
     def rate(p: Point) -> float:
         return (p.items if weak else 1) / (p.cores * p.median())
+
+    def possible(cores: int) -> float:
+        return points[0].median() / alone[cores].median() if cores in alone else 1.0
 
     return [
         {
@@ -140,6 +154,7 @@ def table(points: list[Point], weak: bool) -> list[dict]:
             "interval_ms": 1e3 * p.half_interval(),
             "repeats": len(p.seconds),
             "efficiency": rate(p) / rate(points[0]),
+            "possible": possible(p.cores),
             "estimate_ms": 1e3 * p.estimate,
             "estimate_error": p.estimate / p.median() - 1,
         }
@@ -149,11 +164,11 @@ def table(points: list[Point], weak: bool) -> list[dict]:
 
 def report(title: str, rows: list[dict], out: Path) -> None:
     """Print the table and write it as JSON and as a picture beside each other."""
-    print(f"\n{title}\nranks threads   ms per step   +- (95 %)   efficiency   estimate ms   off by")
+    print(f"\n{title}\nranks threads   ms per step   +- (95 %)   efficiency   possible   estimate ms   off by")
     for r in rows:
         print(
             f"{r['ranks']:5d} {r['threads']:7d} {r['step_ms']:13.3f} {r['interval_ms']:12.3f} {r['efficiency']:11.1%}"
-            f" {r['estimate_ms']:13.3f} {r['estimate_error']:+8.1%}"
+            f" {r['possible']:10.1%} {r['estimate_ms']:13.3f} {r['estimate_error']:+8.1%}"
         )
     out.parent.mkdir(parents=True, exist_ok=True)
     write_json(out.with_suffix(".json"), {"title": title, "rows": rows})
@@ -180,7 +195,8 @@ def draw(title: str, rows: list[dict], path: Path) -> None:
             efficiency = [r["efficiency"] for r in chosen]
             spread = [e * r["interval_ms"] / r["step_ms"] for e, r in zip(efficiency, chosen)]
             axes.errorbar(cores, efficiency, spread, fmt=marker, capsize=3, label=kind)
-    axes.axhline(1, color="0.7", linewidth=0.8)
+    possible = sorted({(r["ranks"] * r["threads"], r["possible"]) for r in rows})
+    axes.plot(*zip(*possible), color="0.5", linewidth=0.8, label="runs at once that exchange nothing")
     axes.set(xlabel="ranks x threads", ylabel="efficiency", ylim=(0, None), title=title)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.legend(frameon=False, fontsize=8)
@@ -207,9 +223,11 @@ def main() -> None:
     app, config = scene(a.program, a.case, a.sets)
     shapes = parse_points(a.points)
     points = [Point(ranks, threads, settings(a, app, config, ranks * threads)) for ranks, threads in shapes]
-    measure_all(a.program, a.case, points, a.repeats)
+    alone = {n: Point(1, 1, points[0].sets, copies=n) for n in sorted({p.cores for p in points} - {1})}
+    measure_all(a.program, a.case, [*points, *alone.values()], a.repeats)
     name = Path(a.case).stem
-    report(f"{a.law} scaling of {name}", table(points, a.law == "weak"), a.out or Path(f"benchmarks/{a.law}-{name}"))
+    rows = table(points, alone, a.law == "weak")
+    report(f"{a.law} scaling of {name}", rows, a.out or Path(f"benchmarks/{a.law}-{name}"))
 
 
 if __name__ == "__main__":
