@@ -8,6 +8,7 @@ from sph.kernels.marks import WALL_BITS
 from sph.particles.wall_corners import WallCorners, duals
 from sph.particles.walls import Walls
 from sph.setup.scene import Scene
+from sph.setup.signed_distance import signed_distance
 
 DEPTH, G, RHO = 0.3, 9.81, 1000.0
 
@@ -32,14 +33,14 @@ def gate(low, high, spacing=0.02, **more):
 
 
 def shares(case, displacement=0.0):
-    """Number of the owner, place [d], wall and normal [d] of each share."""
+    """Number of the owner, place [d], wall and direction [d] of each share."""
     scene = Scene(case.config)
     walls = Walls(scene)
     walls.displacement[1, -1] = displacement
     found = WallCorners(walls).shares()
     owners = (found.ids >> WALL_BITS) - 1
     places = np.array([scene.walls[o].at(np.array([i]))[0][0] for o, i in zip(owners, found.ids)])
-    return owners, places, found.of, found.normal
+    return owners, places, found.of, found.way
 
 
 # within 0.9 % with the shares, -3 to -10 % without
@@ -76,6 +77,52 @@ def test_shares_along_oblique_normals_give_each_wall_its_pressure():
     force = np.repeat(pressures[0] * owner + pressures[1] * first + pressures[2] * second, 2, axis=0)
     along = np.sum(duals(numbers, np.repeat(owner, 2, axis=0), normals) * force, axis=1)
     np.testing.assert_allclose(along.reshape(-1, 2).T, pressures[1:, :, 0], rtol=1e-9)
+
+
+def load_under_pressure(corners, dp=0.01):
+    """[2] m: the load of the floor of a tank on which a solid stands, under a pressure of 1: all pairs by numpy, with
+    a kernel so wide that sums are nearly integrals.
+    """
+    solid = {"name": "solid", "solid": True, "measure_force": True, "shape": {"polygon": {"corners": corners}}}
+    tank = {"low": [0.0, 0.0], "high": [0.8, 0.4], "open": ["y+"]}
+    scene = Scene(sph.Case(
+        simulation={"dimensions": 2, "end_time": 1.0}, gravity=[0.0, -G], numerics={"spacing": dp, "smoothing": 3.0},
+        fluid=[{"shape": {"box": {"low": [0.0, 0.0], "high": [0.8, 0.4]}}}],
+        wall=[{"name": "tank", "shape": {"box": tank}, "measure_force": True}, solid],
+    ).config)  # fmt: skip
+    place = np.stack(np.meshgrid((np.arange(80) + 0.5) * dp, (np.arange(40) + 0.5) * dp), axis=-1).reshape(-1, 2)
+    part = np.clip(0.5 + signed_distance(scene.walls[1].shape, place) / dp, 0.0, 1.0)  # of a cell that a face cuts
+    place, part = place[part > 0.0], part[part > 0.0]
+    ids, x, _ = map(np.concatenate, zip(*(wall.near(*wall.bounds) for wall in scene.walls)))
+    near = np.flatnonzero(np.abs(x[:, 1] - 0.15) < 0.25)  # the top is open
+    ids, x, force = ids[near], x[near], np.zeros((2, len(near)))
+    for k, at in enumerate(x):
+        far = np.maximum(1.0 - np.sqrt(np.sum((at - place) ** 2, axis=1)) / scene.support, 0.0)
+        force[:, k] = 2.0 * dp**4 * 35.0 / (4.0 * np.pi * scene.h**4) * (part * far**3) @ (at - place)  # Wendland C2
+    found, shared = np.zeros((2, 2)), WallCorners(Walls(scene)).shares()
+    np.add.at(found, (ids >> WALL_BITS) - 1, force.T)
+    at = np.argsort(ids)[np.searchsorted(np.sort(ids), shared.ids)]
+    taken = shared.force(np.arange(len(at)), force[:, at]).T
+    np.add.at(found, shared.of, taken)
+    np.add.at(found, (ids[at] >> WALL_BITS) - 1, -taken)
+    return found[0]
+
+
+@pytest.mark.parametrize(
+    ("corners", "covered"),
+    [
+        ([[0.2, 0.0], [0.6, 0.0], [0.6, 0.3]], 0.4),  # a ramp whose toe is sharp
+        ([[0.1, 0.0], [0.6, 0.0], [0.6, 0.125]], 0.5),  # a beach of 1 to 4
+        ([[0.2, 0.0], [0.4, 0.0], [0.6, 0.3], [0.2, 0.3]], 0.2),  # one that hangs over
+    ],
+)
+def test_a_floor_bears_the_pressure_up_to_a_slope(corners, covered):
+    """What is not covered bears it; with shares along the normals alone half a spacing to 5 more. A fifth of one is
+    left of the lattice that slopes cut.
+    """
+    along, down = load_under_pressure(corners)
+    assert down == pytest.approx(covered - 0.8, abs=0.003)
+    assert abs(along) < 0.0015
 
 
 @pytest.mark.parametrize("end", [0.34, 0.4])  # one is thinner than the support: both its faces reach beside it
