@@ -11,7 +11,8 @@ from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived, judged, rounded_down
 from lbmdem.case.config import AXES, LbmDemConfig, seeps, whole_spacing
 from lbmdem.forecast.free_fall import PEAK, speed_through, stays, terminal_speed
-from lbmdem.forecast.pressures import between, lies
+from lbmdem.forecast.piles import lies
+from lbmdem.forecast.pressures import between
 from lbmdem.forecast.relaxation import SPACING, other_collision, slower
 from lbmdem.physics.velocity_sets import CS2
 

@@ -10,7 +10,7 @@ from hpcpic.core.case.derived import Derived, judged
 from hpcpic.core.space.products import product
 from lbmdem.case.config import AXES, GrainSet, LbmDemConfig
 from lbmdem.forecast.node_shares import grains, volume
-from lbmdem.forecast.piles import standing, weight_in_fluid
+from lbmdem.forecast.piles import lies, standing, weight_in_fluid
 from lbmdem.forecast.relaxation import SPACING, key_of_tau, other_collision, slower
 from lbmdem.physics.collision import COLLISIONS
 from lbmdem.physics.velocity_sets import CS2
@@ -94,7 +94,8 @@ def ergun(config: LbmDemConfig, c: float, sphere: float) -> tuple[float, float]:
 def impact_speed(config: LbmDemConfig, i: int) -> float:
     """Speed (m/s) at which a grain of a set meets what is below: that of its start and of its fall, in a fluid the
     larger of its start's and its terminal one at most. The highest of given positions falls to the wall or a plane, the
-    lowest of a packing to what lies below. Who falls longer than the run meets nothing in it.
+    lowest where they lie on each other all over the floor; the lowest of a packing to what lies below. Who falls longer
+    than the run meets nothing in it.
     """
     group, pull = config.grains[i], math.hypot(*config.gravity)
     below = [k for k, g in enumerate(config.gravity) if abs(g) > 0.5 * pull and AXES[k] not in config.domain.periodic]
@@ -109,6 +110,7 @@ def impact_speed(config: LbmDemConfig, i: int) -> float:
         x, radius = np.asarray(group.centres), 0.5 * group.smallest_diameter
         heights = (x[:, axis] if down else config.domain.size[axis] - x[:, axis]) - radius
         heights = np.minimum(heights, above_planes(config, x, radius))
+        heights = np.where(lies(config, group), heights.min(), heights)
     end = config.simulation.end_time
     met = (heights > 0.0) & (heights <= speeds * end + 0.5 * pull * end**2)
     falls = np.sqrt(2.0 * pull * np.where(met, heights, 0.0))

@@ -2,18 +2,28 @@
 
 import math
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lbmdem.case.config import AXES, GrainSet, LbmDemConfig, grain_mass
 from lbmdem.forecast.node_shares import LOOSE, grains, volume
-from lbmdem.setup.overlap_survey import packing_ends
+from lbmdem.setup.overlap_survey import packed_space, packing_ends
 
 REPOSE = 0.4  # slope of a heap
 APART = 1.5  # sums of two radii between heights of centres, beyond which the upper grain does not stand on the lower
 MOST_TRIED = 1000  # of the lowest grains of a set, and MOST_PAIRS of them with those above
 MOST_PAIRS = 20_000_000
+
+
+class Bed(NamedTuple):
+    """Solids that stay: their volume (m3, in 2D m2), surface, and ends along an axis, m."""
+
+    solid: float
+    surface: float
+    low: float
+    high: float
 
 
 def weight_in_fluid(config: LbmDemConfig, group: GrainSet, size: float) -> float:
@@ -90,3 +100,27 @@ def in_shadow(distance: NDArray, radius: NDArray, r: float, d: int) -> NDArray[n
     s = np.clip((distance - np.abs(radius - r)) / (2.0 * least), 0.0, 1.0)
     lens = 1.0 - s if d == 2 else (np.arccos(s) - s * np.sqrt(1.0 - s * s)) * 2.0 / math.pi
     return lens * (least / radius) ** (d - 1)
+
+
+def span(config: LbmDemConfig, group: GrainSet, k: int) -> Bed:
+    """A set of grains as a bed."""
+    d, dx = config.dimensions, config.spacing
+    each = [(r * dx, n * volume(r * dx, d)) for r, n in grains(config, group)]
+    solid, surface = sum(part for _, part in each), sum(d * part / r for r, part in each)
+    low, high = 0.0, config.domain.size[k]
+    if group.packing is not None and k == d - 1:
+        low, high = packing_ends(config, group)[0][k], packed_space(config, group, solid)
+    elif len(group.centres):
+        x, r = np.asarray(group.centres)[:, k], 0.5 * group.largest_diameter
+        low, high = max(low, float(x.min()) - r), min(high, float(x.max()) + r)
+    return Bed(solid, surface, low, high)
+
+
+def lies(config: LbmDemConfig, group: GrainSet) -> bool:
+    """Whether grains are at rest on each other at the start, as settled or placed as dense."""
+    if group.packing is not None:
+        return group.packing.porosity is None or group.packing.porosity <= LOOSE[config.dimensions]
+    down = int(np.argmax(np.abs(config.gravity)))
+    bed = span(config, group, down)
+    room = math.prod(config.domain.size) / config.domain.size[down] * max(bed.high - bed.low, 1e-300)
+    return group.count > 1 and 1.0 - bed.solid / room <= LOOSE[config.dimensions]

@@ -12,12 +12,11 @@ import numpy as np
 from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived, judged
 from lbmdem.case.boundaries import Boundary, Obstacle, opening
-from lbmdem.case.config import AXES, GrainSet, LbmDemConfig
+from lbmdem.case.config import AXES, LbmDemConfig
 from lbmdem.forecast.free_fall import drag_alone, ergun, stays, whole_weight
-from lbmdem.forecast.node_shares import LOOSE, grains, volume
+from lbmdem.forecast.piles import Bed, lies, span
 from lbmdem.forecast.relaxation import key_of_tau, slower
 from lbmdem.physics.velocity_sets import CS2
-from lbmdem.setup.overlap_survey import packed_space, packing_ends
 from lbmdem.setup.scene import Scene
 
 MOST = 0.5  # of rho c_s2: there a flow that is let in doubles its density, and sound halves it between walls
@@ -27,15 +26,6 @@ SINKING = 0.1, "grains that sank diverged at 0.18"
 STILL = 0.3, "the sound of the start diverged at 0.65"
 NODES_SEEN = 1000
 DENSEST = 0.95  # solid fraction of a bed of which a resistance is told
-
-
-class Bed(NamedTuple):
-    """Solids that stay: their volume (m3, in 2D m2), surface, and ends along an axis, m."""
-
-    solid: float
-    surface: float
-    low: float
-    high: float
 
 
 def pressures(config: LbmDemConfig) -> Iterator[Derived]:
@@ -199,30 +189,6 @@ def bed_drop(config: LbmDemConfig, k: int, bed: Bed, speed: float) -> float:
     slow, fast = ergun(config, c, 6.0 * bed.solid / bed.surface)
     alone = c * drag_alone(config, 2.0 * config.dimensions * bed.solid / bed.surface, u)
     return rho * length * max(alone, slow * u + fast * u * u)
-
-
-def span(config: LbmDemConfig, group: GrainSet, k: int) -> Bed:
-    """A set of grains as a bed."""
-    d, dx = config.dimensions, config.spacing
-    each = [(r * dx, n * volume(r * dx, d)) for r, n in grains(config, group)]
-    solid, surface = sum(part for _, part in each), sum(d * part / r for r, part in each)
-    low, high = 0.0, config.domain.size[k]
-    if group.packing is not None and k == d - 1:
-        low, high = packing_ends(config, group)[0][k], packed_space(config, group, solid)
-    elif len(group.centres):
-        x, r = np.asarray(group.centres)[:, k], 0.5 * group.largest_diameter
-        low, high = max(low, float(x.min()) - r), min(high, float(x.max()) + r)
-    return Bed(solid, surface, low, high)
-
-
-def lies(config: LbmDemConfig, group: GrainSet) -> bool:
-    """Whether grains are at rest on each other at the start, as settled or placed as dense."""
-    if group.packing is not None:
-        return group.packing.porosity is None or group.packing.porosity <= LOOSE[config.dimensions]
-    down = int(np.argmax(np.abs(config.gravity)))
-    bed = span(config, group, down)
-    room = math.prod(config.domain.size) / config.domain.size[down] * max(bed.high - bed.low, 1e-300)
-    return group.count > 1 and 1.0 - bed.solid / room <= LOOSE[config.dimensions]
 
 
 def inflow(config: LbmDemConfig) -> Iterator[Derived]:

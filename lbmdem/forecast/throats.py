@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from hpcpic.core.case.derived import Derived, judged, rounded_down
 from lbmdem.case.config import AXES, LbmDemConfig, whole_spacing
 from lbmdem.forecast.free_fall import stays
-from lbmdem.forecast.piles import standing, weight_in_fluid
-from lbmdem.forecast.pressures import span
+from lbmdem.forecast.piles import span, standing, weight_in_fluid
 from lbmdem.forecast.relaxation import SPACING
 from lbmdem.setup.overlap_survey import plane_gap
 

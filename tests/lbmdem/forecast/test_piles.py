@@ -7,6 +7,8 @@ import pytest
 from app_runner import running
 
 from hpcpic.core.case.config import loads
+from hpcpic.core.physics.contact_law import deepest_overlap
+from lbmdem.case.config import contact_law
 from lbmdem.configure import configure
 from lbmdem.forecast.derived import derived
 
@@ -92,3 +94,16 @@ def test_a_stack_that_runs_overlaps_as_told(world):
         while app.time < 0.02:
             app.step()
         assert app.scalars()["overlap"] == pytest.approx(told(text).value, rel=0.01)
+
+
+def test_grains_of_a_bed_fall_no_further_than_its_lowest_and_those_of_a_column_from_its_top():
+    """A bed at rest between walls was refused for a fall from its top; a column in a wider box does collapse."""
+    places, name = hexagonal(10, 20), "overlap at impact"
+    assert told(dry(places, wide=0.0105), name) is None
+    column = told(dry(places, wide=0.03), name)
+    fall = math.sqrt(2.0 * 9.81 * (max(y for _, y in places) - 5e-4))
+    law, mass = contact_law(configure(loads(dry(places)))), 2500.0 * math.pi / 4.0 * 1e-6
+    assert column.value == pytest.approx(deepest_overlap(fall, mass, law) / 1e-3, rel=1e-9)
+    lifted, fall = [[x, y + 5e-3] for x, y in places], math.sqrt(2.0 * 9.81 * 5e-3)
+    lands = told(dry(lifted, wide=0.0105), name)
+    assert lands.value == pytest.approx(deepest_overlap(fall, mass, law) / 1e-3, rel=1e-9)
