@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, cast
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import FileError
+from hpcpic.core.files.arrays import ParticleArray
 from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.run.progress import Progress
 from hpcpic.core.run.summary import Conserved
@@ -67,16 +68,9 @@ class Outputs:
         self.broken: list[str] = []
         self._series: Any = None
         self._writers: dict[str, Any] = {}
-        makers: Mapping[str, Callable[[], Callable[[], None]]] = {
-            "series": self._series_observer,
-            "field": self._field_observer,
-            "particle": self._particle_observer,
-            "openpmd": self._openpmd_observer,
-            "histogram": self._histogram_observer,
-        }
         self.observers = [
-            Observer(kind, trigger, self._kept_going(kind, make()), seen=after)
-            for kind, make in makers.items()
+            Observer(kind, trigger, self._kept_going(kind, self._observer(kind)), seen=after)
+            for kind in ("series", "field", "particle", "openpmd", "histogram")
             if (trigger := trigger_of(model, kind, after is not None))
         ]
 
@@ -129,6 +123,57 @@ class Outputs:
 
         return attempt
 
+    def _observer(self, kind: str) -> Callable[[], None]:
+        """The function that is called when this kind of output is due. Collective."""
+        if kind == "series":
+            return self._series_observer()
+        model, writer = self.model, self._writer(kind)
+        self._writers[kind] = writer
+
+        def observe() -> None:
+            content = self._content(kind)
+            self.rest()
+            if kind == "openpmd":  # a file of its own for each step, which is written at once
+                self.flush_series()
+            with self.timers.section(f"output {kind}"):
+                writer.append(model.iteration, model.time, *content)
+
+        return observe
+
+    def _writer(self, kind: str) -> Any:
+        """The writer of this kind of snapshots; its module is imported when it is needed."""
+        world, rundir, after = self.world, self.rundir, self.after
+        if kind == "field":
+            from hpcpic.core.files.snapshot import FieldsWriter
+
+            return FieldsWriter(world, rundir.fields, after, WRITING_SHARE, self.flush_series)
+        if kind == "particle":
+            from hpcpic.core.files.snapshot import ParticlesWriter
+
+            path = rundir.path / f"{self.model.particle_name}s.vtkhdf"
+            return ParticlesWriter(world, path, after, WRITING_SHARE, self.flush_series)
+        if kind == "histogram":
+            from hpcpic.core.files.histograms import FILE, HistogramsWriter
+
+            return HistogramsWriter(world, rundir.path / FILE, after, self.flush_series)
+        from hpcpic.core.files.openpmd import OpenPMDWriter
+
+        return OpenPMDWriter(world, rundir.openpmd, self.model.time_step, after=after)
+
+    def _content(self, kind: str) -> tuple[Any, ...]:
+        """The arguments of a writer of this kind for the present state."""
+        model = self.model
+        if kind == "histogram":
+            return (cast("Counting", model).histograms(),)  # it has the period
+        if kind == "particle":
+            return (self._particles(),)
+        fields = model.domain, model.fields()
+        return fields if kind == "field" else (*fields, self._particles())
+
+    def _particles(self) -> dict[str, ParticleArray]:
+        """The particles by species, as files hold them."""
+        return {name: own.as_kept() for name, own in self.model.particles().items()}
+
     def _series_observer(self) -> Callable[[], None]:
         model = self.model
         if self.world.rank == 0:
@@ -145,66 +190,5 @@ class Outputs:
             if self._series is not None and "series" not in self.broken:
                 with self.timers.section("output series"):
                     self._series.append(model.iteration, model.time, values)
-
-        return observe
-
-    def _field_observer(self) -> Callable[[], None]:
-        from hpcpic.core.files.snapshot import FieldsWriter
-
-        model = self.model
-        writer = FieldsWriter(self.world, self.rundir.fields, self.after, WRITING_SHARE, self.flush_series)
-        self._writers["field"] = writer
-
-        def observe() -> None:
-            fields = model.fields()
-            self.rest()
-            with self.timers.section("output field"):
-                writer.append(model.iteration, model.time, model.domain, fields)
-
-        return observe
-
-    def _particle_observer(self) -> Callable[[], None]:
-        from hpcpic.core.files.snapshot import ParticlesWriter
-
-        model = self.model
-        path = self.rundir.path / f"{model.particle_name}s.vtkhdf"
-        writer = ParticlesWriter(self.world, path, self.after, WRITING_SHARE, self.flush_series)
-        self._writers["particle"] = writer
-
-        def observe() -> None:
-            species = {name: own.as_kept() for name, own in model.particles().items()}
-            self.rest()
-            with self.timers.section("output particle"):
-                writer.append(model.iteration, model.time, species)
-
-        return observe
-
-    def _histogram_observer(self) -> Callable[[], None]:
-        from hpcpic.core.files.histograms import FILE, HistogramsWriter
-
-        model = cast("Counting", self.model)  # it has the period
-        writer = HistogramsWriter(self.world, self.rundir.path / FILE, self.after, self.flush_series)
-        self._writers["histogram"] = writer
-
-        def observe() -> None:
-            found = model.histograms()
-            with self.timers.section("output histogram"):
-                writer.append(model.iteration, model.time, found)
-
-        return observe
-
-    def _openpmd_observer(self) -> Callable[[], None]:
-        from hpcpic.core.files.openpmd import OpenPMDWriter
-
-        model = self.model
-        writer = OpenPMDWriter(self.world, self.rundir.openpmd, model.time_step, after=self.after)
-        self._writers["openpmd"] = writer
-
-        def observe() -> None:
-            fields, species = model.fields(), {name: own.as_kept() for name, own in model.particles().items()}
-            self.rest()
-            self.flush_series()
-            with self.timers.section("output openpmd"):
-                writer.append(model.iteration, model.time, model.domain, fields, species)
 
         return observe
