@@ -7,7 +7,7 @@ import os
 import pytest
 from app_runner import launch
 
-from hpcpic.core.app.use import import_kept
+from hpcpic.core.app.use import import_kept, use
 from hpcpic.core.errors import ConfigError
 
 LOADER = """
@@ -59,15 +59,14 @@ def test_a_loader_from_a_file_runs_is_kept_and_goes_on_without_the_file(folder):
         "own.py": hashlib.sha256(LOADER.encode()).hexdigest()
     }
     (folder / "own.py").unlink()
-    for words in (("plot", "a", "modes"), ("report", "a")):
-        drawn = hpcpic(folder, *words)
-        assert drawn.returncode == 0, drawn.stderr
+    drawn = hpcpic(folder, "report", "a")
+    assert drawn.returncode == 0, drawn.stderr
     drawn = python(folder, DRAW)
     assert drawn.returncode == 0, drawn.stderr
     more = hpcpic(folder, "restart", "a", "--set", "simulation.cycles=6", "--threads", "1")
     assert more.returncode == 0, more.stderr
     (folder / "a/given/own.py").write_text(LOADER + "\n")
-    for words in (("restart", "a", "--set", "simulation.cycles=8"), ("plot", "a"), ("report", "a")):
+    for words in (("restart", "a", "--set", "simulation.cycles=8"), ("report", "a")):
         refused = hpcpic(folder, *words)
         assert refused.returncode == 2 and "own.py: not the file that the run was started with" in refused.stderr
     refused = python(folder, DRAW)
@@ -78,10 +77,11 @@ def test_a_loader_from_a_file_runs_is_kept_and_goes_on_without_the_file(folder):
     "text, line, told",
     [("x = 1\n\nx = (\n", 3, "SyntaxError"), ("x = 1\n1 / 0\n", 2, "ZeroDivisionError"), ("exit()\n", 1, "SystemExit")],
 )
-def test_a_file_that_cannot_be_imported_is_told_with_its_line(folder, text, line, told):
+def test_a_file_that_cannot_be_imported_is_told_with_its_line(folder, monkeypatch, text, line, told):
     (folder / "own.py").write_text(text)
-    done = hpcpic(folder, "check", "own.conf", "--use", "own.py")
-    assert done.returncode == 2 and done.stderr.startswith(f"own.py:{line}: {told}"), done.stderr
+    monkeypatch.chdir(folder)
+    with pytest.raises(ConfigError, match=f"^own.py:{line}: {told}"):
+        use("own.py")
 
 
 POSITIONS = "return np.full((len(batch.ids), len(batch.lengths)), 0.5) * batch.lengths"
@@ -123,9 +123,9 @@ def test_a_mistake_in_a_class_or_function_of_the_user_is_told_without_a_tracebac
     assert done.returncode == 2 and told in done.stderr and "Traceback" not in done.stderr, done.stderr
 
 
-def test_a_file_that_is_not_there_is_told(folder):
-    done = hpcpic(folder, "estimate", "own.conf", "--use", "other.py")
-    assert done.returncode == 2 and done.stderr == "--use other.py: cannot read: No such file or directory\n"
+def test_a_file_that_is_not_there_is_told():
+    with pytest.raises(ConfigError, match=r"^--use other\.py: cannot read: No such file or directory$"):
+        use("other.py")
 
 
 def test_all_ranks_and_all_runs_of_a_sweep_use_the_file(folder):
