@@ -11,7 +11,7 @@ from hpcpic.core.simd.compile import njit
 from hpcpic.plasma.kernels.storage import PAGE
 
 MOST_TURNS = 40  # of the iteration below, which gains a factor of wc dt/2 or nu dt/2 each time
-SETTLED = 1e-15  # of a velocity
+SETTLED = 1e-12  # of a velocity
 
 
 def driven_kernel(
@@ -38,24 +38,23 @@ def driven_kernel(
         velocities before and after all impulses of the time; moment = (t, time step, steps), own[species] = (M, P, N).
         """
         t, dt, steps = moment[0], moment[1], moment[2]
-        to_turn, mean, share = own[species, 0], own[species, 1], own[species, 2]
-        lanes = pages.pool.shape[3]
-        x, u = np.zeros(3), np.zeros(3)
+        to_turn, mean, share, kick = own[species, 0], own[species, 1], own[species, 2], half_kick[species]
+        pool, lanes = pages.pool, pages.pool.shape[3]
+        x, u, v = np.zeros(3), np.zeros(3), np.zeros(3)
         for part in range(first, last):
             where = anchor_in(part, grid, field.origin)
             slot = part * grid.n_species + species
             page, used = np.int64(pages.head[slot]), (pages.count[slot] - 1) % PAGE + 1
             while page >= 0:
                 for place in range(used):
-                    here, lane = pages.pool[page, place // lanes], place % lanes
+                    pack, lane = place // lanes, place % lanes
                     for k in range(d):
-                        x[k] = (grid.parts[part, anchors[k]] + here[k, lane]) * dx[k]
-                    centred = centred_velocity(
-                        place_of(pages.pool, page, place // lanes, lane), here[d:, lane], where, field,
-                        half_kick[species],
-                    )  # fmt: skip
+                        x[k] = (grid.parts[part, anchors[k]] + pool[page, pack, k, lane]) * dx[k]
                     for k in range(components):
-                        u[k] = (here[d + k, lane] + steps * (centred[k] - here[d + k, lane])) * dx[k] / dt
+                        v[k] = pool[page, pack, d + k, lane]
+                    centred = centred_velocity(place_of(pool, page, pack, lane), v, where, field, kick)
+                    for k in range(components):
+                        u[k] = (v[k] + steps * (centred[k] - v[k])) * (dx[k] / dt)
                     without = turned(mean, u)
                     w = without
                     for _ in range(MOST_TURNS):
@@ -67,7 +66,7 @@ def driven_kernel(
                             break
                     pushed = turned(to_turn, a)
                     for k in range(components):
-                        here[d + k, lane] += pushed[k] * dt * dt / dx[k]
+                        pool[page, pack, d + k, lane] += pushed[k] * dt * dt / dx[k]
                 page, used = np.int64(pages.chain[page]), PAGE
 
     return driven
