@@ -8,9 +8,10 @@ from hpcpic.plasma.case.config import MOST_POINTS, PlasmaConfig, Species
 from hpcpic.plasma.forecast.scales import MOST_WITHOUT_FIELD, plasma_frequency, spacing
 from hpcpic.plasma.setup.loaders import loader_of
 
-# A cold beam gains GAIN[shape] m (wp dx)^2/2 a particle at any u from 0.3 to 2 wp dx, and then has the spread COLD;
-# below 0.3 twice that and more, at 5 nothing. 1D, 64 points, 64 particles per cell, wp dt = 0.2, quiet start with a
-# wave of 1e-3, until wp t = 200, TSC until 600: docs/measured/plasma.md. Birdsall & Langdon, chapter 8, have the cause.
+# A cold beam gains GAIN[shape] m (wp dx)^2/2 a particle at any u from 0.3 wp dx on, and then has the spread COLD; below
+# 0.3 twice that and more, and nothing where it goes a whole number of cells in a step. 1D, 64 points, 64 particles per
+# cell, wp dt = 0.2, quiet start with a wave of 1e-3, until wp t = 200, TSC until 600: docs/measured/plasma.md. Birdsall
+# & Langdon, chapter 8, have the cause.
 GAIN = {"NGP": 0.03, "CIC": 0.016, "TSC": 0.0045}
 SPECTRAL = 2.0  # times as much with spectral gradients, at most
 COLD = 0.05  # lambda_D/dx

@@ -61,7 +61,24 @@ def test_its_cures_pass_and_where_nothing_is_heated_nothing_is_told():
         assert told(WAVE, amplitude(1.0), setting).verdict == "ok"
     warm, fast, short = "species[0].thermal_velocity=0.05", amplitude(4.0), "simulation.cycles=50"
     across, screened = "field.magnetic=[0, 0, 1]", "field.equation.c=-1"
-    for setting in (clouds, warm, fast, short, across, screened, "species[0].drift_velocity=[0.1]"):
+    for setting in (clouds, warm, fast, short, across, screened):
         assert told(WAVE, amplitude(1.0), setting) is None
     assert told(WAVE, amplitude(1.0), "field.magnetic=[1, 0, 0]").verdict == "warn"
     assert told(BEAM, "species[1].drift_velocity=[2.0]") is None  # its wave is longer than the box
+
+
+def test_a_wave_in_a_plasma_that_drifts_as_a_whole_is_told_of_however_fast_that_is(world):
+    """It gained 280 % of its energy in silence, which is 5e-4 of that of the drift."""
+    sets = [amplitude(0.1), f"species[0].drift_velocity=[{7.3 * DX}]"]
+    number = told(WAVE, *sets)
+    with running(world, "hpcpic", configure(loads(WAVE, sets=sets))) as app:
+        energies = []
+        for _ in range(2):
+            energies.append(app.scalars()["energy_total"] - 0.5 * 6.4 * (7.3 * DX) ** 2)
+            for _ in range(600):
+                app.step()
+    assert number.verdict == "warn" and number.value == pytest.approx(energies[1] / energies[0] - 1, rel=0.3)
+    assert told(WAVE, *sets, "simulation.cycles=300") is None
+    ions = '{ name = "i"; charge = 1.0; mass = 100.0; plasma_frequency = 0.1; particles = 4096; }'
+    through = WAVE.replace("species = (", f"species = ({ions},")
+    assert told(through, *(one.replace("[0]", "[1]", 1) for one in sets)) is None
