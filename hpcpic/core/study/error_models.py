@@ -45,6 +45,15 @@ class ErrorModel:
 
     order: observed; used: the one calculated with; safety: Roache's factor. cost: exponent c of seconds ~ size^-c.
     doubt: how far the error of the case itself may be from `signed`.
+
+    | kind | levels | made by |
+    | --- | --- | --- |
+    | `idle` | all alike: the knob has no effect | `fit` |
+    | `assumed` | two; the order is theory's | `fit` |
+    | `steady` | three, with a plausible order | `fit` |
+    | implausible order: theory's, with the safety 3 | three | `fit` |
+    | `asymptotic`, not steady | four or more, scattered about a power law | `levelled` |
+    | `random` | drawn anew at every size, or within the noise of sampling | `scattered`, `hidden` |
     """
 
     name: str

@@ -9,7 +9,7 @@ import math
 import shutil
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -158,22 +158,18 @@ class Pilots:
             shutil.rmtree(rundir.path / "checkpoints", ignore_errors=True)  # no run goes on from a pilot
         if code not in (0, 1, 2, 3, 4):
             raise Interrupted(f"pilot {rundir.path} ended with exit code {code}: {how}; the same command goes on")
-        seconds = facts.get("steps", 0) * float((facts.get("step_seconds") or {}).get("median") or 0.0)
-        seconds = seconds or float(facts.get("loop_seconds", 0.0))
-        price = facts.get("steps", 0) * self.app.estimate(config, *self.shape, {}).step_seconds
-        made = Pilot(config, self.sizes_of(config), code, how, rundir.path, seconds, price, self.knobs.work(config))
-        self.done[name] = made
-        settings = "  ".join(
-            f"{knob.name} = {knob.shown(made.sizes[knob.name]):.5g}" for knob in self.knobs.knobs
-        )
         if code == 4:
             lines = (self.folder / f"{name}.txt").read_text(encoding="utf-8", errors="replace").splitlines()
             how = next((line for line in lines if line.startswith("diverged")), "diverged")
-            made = replace(made, words=how)
-            self.done[name] = made
-        how = how.strip()
-        click.echo(f"  pilot {len(self.done):2d}  {settings}  {words}: {how}  {made.seconds:.3g} s")
-        return made
+        steps = facts.get("steps", 0)
+        seconds = steps * float((facts.get("step_seconds") or {}).get("median") or 0.0)
+        seconds = seconds or float(facts.get("loop_seconds", 0.0))
+        price = steps * self.app.estimate(config, *self.shape, {}).step_seconds
+        pilot = Pilot(config, self.sizes_of(config), code, how, rundir.path, seconds, price, self.knobs.work(config))
+        self.done[name] = pilot
+        settings = "  ".join(f"{knob.name} = {knob.shown(pilot.sizes[knob.name]):.5g}" for knob in self.knobs.knobs)
+        click.echo(f"  pilot {len(self.done):2d}  {settings}  {words}: {how.strip()}  {seconds:.3g} s")
+        return pilot
 
     @property
     def spent(self) -> float:

@@ -148,7 +148,7 @@ class Proposal:
 
 
 class Proposals:
-    """The cheapest settings by the laws. `schemes`: those that are proposed, the case's own first."""
+    """The cheapest settings by the laws, in `schemes`, the case's own first. Making them runs pilots of others."""
 
     def __init__(self, search: Search) -> None:
         self.search, self.pilots = search, search.pilots

@@ -97,7 +97,7 @@ class Record:
         return str(self.store.folder.path / self.name) if self.store.folder else ""
 
     @cached_property
-    def all(self) -> list[PastSearch]:
+    def searches(self) -> list[PastSearch]:
         """The searches, the last one last. A damaged record is none: the log says so."""
         content = self.store.read(self.name)
         try:
@@ -108,9 +108,9 @@ class Record:
             return []
 
     @property
-    def others(self) -> list[PastSearch]:
-        """Those of other cases."""
-        return [one for one in self.all if one.case != self.case]
+    def of_other_cases(self) -> list[PastSearch]:
+        """The searches of other cases."""
+        return [one for one in self.searches if one.case != self.case]
 
     def unit(self, knob: Knob) -> float:
         """The unit of sizes in the record, so that large and small scenes compare: the box's longest side, a pilot's
@@ -122,9 +122,9 @@ class Record:
 
     def hints(self, own: Mapping[str, float], wanted: float) -> dict[str, Hint]:
         """By knob, from the search whose tolerance was nearest, and of those the last."""
-        if not self.others:
+        if not self.of_other_cases:
             return {}
-        laws = min(reversed(self.others), key=lambda one: abs(math.log(one.tolerance / wanted))).laws
+        laws = min(reversed(self.of_other_cases), key=lambda one: abs(math.log(one.tolerance / wanted))).laws
         share = wanted / max(len(laws), 1)
         return {
             knob.name: Hint(law.foreseen(share) * self.unit(knob) / own[knob.name], law.steady)
@@ -139,7 +139,7 @@ class Record:
             if (model := models.get(knob.name)) is not None:
                 size, steady = float(sizes[knob.name]), model.steady or model.assumed or model.idle
                 laws[knob.name] = Law(size / self.unit(knob), model.bound(size), model.used, steady, model.cost)
-        kept = [one for one in self.all if (one.case, one.tolerance) != (self.case, tolerance)]
+        kept = [one for one in self.searches if (one.case, one.tolerance) != (self.case, tolerance)]
         lines = [json.dumps(asdict(one)) for one in [*kept, PastSearch(self.case, tolerance, laws)][-MAX_SEARCHES:]]
         self.store.write(self.name, "".join(f"{line}\n" for line in lines).encode())
 

@@ -46,7 +46,8 @@ SAME_LEVEL = 0.05  # difference of the logs of two sizes that are one level
 
 
 class Search:
-    """The laws of the knobs of one case, for one quantity, and its reference. Errors are relative to the norm of that.
+    """The laws of the knobs of one case, for one quantity, and its reference. Making one runs its pilots. Errors are
+    relative to the norm of the reference.
 
     case_sizes: of the knobs in the case; base: the pilot of the case as it is. levels, laws: by knob; field_laws: those
     of the field beside the quantity. finer: pilots with one knob finer than the case.

@@ -20,6 +20,7 @@ from hpcpic.core.errors import CheckFailed, ConfigError, FileError
 
 if TYPE_CHECKING:
     from hpcpic.core.app.knobs import Knobs, Quantity
+    from hpcpic.core.study.error_models import ErrorModel
     from hpcpic.core.study.recommend import Recommendation, Verified
     from hpcpic.core.study.record import Record
     from hpcpic.core.study.search import Search
@@ -188,7 +189,7 @@ def searched(app: App, asked: Asked, wanted: float | None) -> tuple[Search, Reco
     hints = record.hints(pilots.sizes_of(read.config), wanted) if wanted else {}
     if hints:
         near = ", ".join(f"{k.name} x {hints[k.name].factor:.2g}" for k in listed if k.name in hints)
-        n = len(record.others)
+        n = len(record.of_other_cases)
         click.echo(f"record      {n} earlier search{'es' if n > 1 else ''} of like scenes tell where to begin: {near}\n"
                    f"            ({record.place})")
     search = Search(pilots, listed, choices, quantity, wanted or WANTED, asked.allowance,
@@ -277,22 +278,39 @@ def chosen_knobs(knobs: Knobs, names: str | None) -> tuple[list, list]:
     return listed, [choice for choice in knobs.choices if choice.name in asked]
 
 
+def order_words(law: ErrorModel) -> str:
+    """The observed order of a law, or why there is none."""
+    if law.idle:
+        return "no effect"
+    if law.assumed:
+        return "not seen"
+    return "none" if math.isnan(law.order) else f"{law.order:.2f}"
+
+
+def asymptotic_words(law: ErrorModel) -> str:
+    """Whether the errors of a law fall with the size as theory says; else the order and the safety that count."""
+    if law.idle:
+        return ""
+    if law.steady:
+        return "yes"
+    if law.assumed:
+        return "by theory, to be checked"
+    if law.asymptotic:
+        return f"no: scatters about order {law.used:g}"
+    if law.random:
+        return f"drawn: 95 % within order {law.used:g}"
+    return f"no: order {law.used:g}, safety {law.safety:g}"
+
+
 def tell_laws(recommendation: Recommendation) -> None:
     search, rows = recommendation.search, []
     for knob in search.knobs:
         law = search.laws[knob.name]
-        order = "none" if math.isnan(law.order) else f"{law.order:.2f}"
-        order = "no effect" if law.idle else "not seen" if law.assumed else order
-        unsteady = f"no: order {law.used:g}, safety {law.safety:g}"
-        unsteady = f"drawn: 95 % within order {law.used:g}" if law.random else unsteady
-        unsteady = f"no: scatters about order {law.used:g}" if law.asymptotic else unsteady
-        unsteady = "by theory, to be checked" if law.assumed else unsteady
-        steady = "" if law.idle else "yes" if law.steady else unsteady
         levels = ", ".join(f"{knob.shown(size):.4g}" for size in law.sizes)
         here = shown(knob.shown(law.here), ".4g", knob.unit)
         error = percent(law.bound(law.here))
-        cost, theory = shown(law.cost, ".2f"), (shown(law.theory, "g"), shown(knob.cost, "g"))
-        rows.append((knob.name, here, levels, order, theory[0], steady, error, cost, theory[1]))
+        orders = order_words(law), shown(law.theory, "g"), asymptotic_words(law)
+        rows.append((knob.name, here, levels, *orders, error, shown(law.cost, ".2f"), shown(knob.cost, "g")))
     click.echo()
     heads = ("knob", "here", "pilots", "order", "theory", "asymptotic", "bound here", "cost exponent", "its theory")
     table(heads, rows, right=("bound here",))
