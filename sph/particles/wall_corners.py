@@ -132,7 +132,7 @@ class WallCorners:
         return found, n_b[good][first], n_a[good][first], behind[good][first]
 
     def _faces(self, at: Reals, a: Wall, b: Wall, x: Reals, way: Reals) -> list[tuple[Reals, Reals]]:
-        """Of walls a and b, the normals [n, d] of their faces where these meet, before which the places x + way are,
+        """For walls a and b, the normals [n, d] of their faces where these meet, before which the places x + way are,
         and how deep [n] the points x are behind these. A place before a corner of a wall, or before one that is round,
         has another normal: what is at right angles to it, from where both meet, leaves the wall in a spacing.
         """
