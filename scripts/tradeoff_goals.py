@@ -182,7 +182,7 @@ def equal(search: Search) -> dict[str, Any]:
         proposal = made.proposals.propose(bound)
         pilot = search.pilot(proposal.sizes, proposal.scheme.others, "as good as the case")
         while (error := search.error(search.measured(pilot))) > bound and pilot.work < search.base.work:
-            proposal = made.proposals.nearer(proposal, 0.5)
+            proposal = made.proposals.halfway(proposal)
             pilot = search.pilot(proposal.sizes, proposal.scheme.others, "as good as the case")
     except CheckFailed as failure:
         return {"bound": bound, "refused": failure.message}

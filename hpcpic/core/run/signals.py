@@ -74,11 +74,10 @@ class Stop:
     not acknowledged a signal within the grace time: the larger of 60 s and 20 steps.
     """
 
-    def __init__(self, abort: Callable[[str], None], grace: float = GRACE_SECONDS) -> None:
+    def __init__(self, abort: Callable[[str], None]) -> None:
         self.reason = Reason.NONE
         self.step_seconds = 0.0
         self._abort = abort
-        self._grace = grace
         self._interrupted = 0.0
         self._acknowledged = threading.Event()
         self._read, self._write = os.pipe()
@@ -124,7 +123,7 @@ class Stop:
         self.reason = max(self.reason, reason)
 
     def _lose_patience(self) -> None:
-        grace = max(self._grace, 20 * self.step_seconds)
+        grace = max(GRACE_SECONDS, 20 * self.step_seconds)
         if not self._acknowledged.wait(grace):
             self._abort(f"{self.reason.text}: a step, or compiling for it, did not end within {grace:.0f} s")
 

@@ -224,12 +224,12 @@ class Proposals:
                     self._largest[law.name] = low
         return self._largest
 
-    def nearer(self, proposal: Proposal, part: float) -> Proposal:
-        """The proposal with this part of its way from the case, in logs, where it is coarser."""
+    def halfway(self, proposal: Proposal) -> Proposal:
+        """The proposal half-way back to the case, in logs, where it is coarser."""
         sizes = {}
         for name, size in proposal.sizes.items():
             factor = size / self.search.case_sizes[name]
-            sizes[name] = self.search.case_sizes[name] * max(factor, 1.0) ** part * min(factor, 1.0)
+            sizes[name] = self.search.case_sizes[name] * math.sqrt(max(factor, 1.0)) * min(factor, 1.0)
         return self.at(proposal.scheme, sizes)
 
     def theory_cost(self, sizes: Mapping[str, float]) -> float:

@@ -141,7 +141,7 @@ class Recommendation:
                 smaller = proposal
             if smaller.cost < 1.0 or finer:
                 return smaller
-        return self.proposals.nearer(proposal, 0.5) if misses < MAX_MISSES - 1 else self.proposals.case()
+        return self.proposals.halfway(proposal) if misses < MAX_MISSES - 1 else self.proposals.case()
 
     def held(self, tolerance: float) -> Verified | None:
         """The cheapest of what the search has run already, the case and what is finer, that is certified as it is."""

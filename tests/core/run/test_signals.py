@@ -9,6 +9,7 @@ import time
 import numpy as np
 import pytest
 
+from hpcpic.core.run import signals
 from hpcpic.core.run.signals import Reason, Stop, WallLimit
 
 
@@ -18,8 +19,9 @@ def aborts():
 
 
 @pytest.fixture
-def stop(aborts):
-    made = Stop(aborts.append, grace=0.3)
+def stop(aborts, monkeypatch):
+    monkeypatch.setattr(signals, "GRACE_SECONDS", 0.3)
+    made = Stop(aborts.append)
     yield made
     made.close()
 
