@@ -14,6 +14,7 @@ MAX_SPEED = 0.4  # nodes per step beyond which no collision is a fluid any more
 MAX_DENSITY = 2.0  # density of the lattice fluid, likewise; its inverse is the least one
 CURE = "a smaller fluid.relaxation_time or fluid.time_step makes steps shorter, a weaker force the fluid slower"
 NEAR_HALF = 0.55  # tau below which TRT and BGK hardly damp what solids make: shorter steps take it nearer to 1/2
+ENOUGH_OVERLAP = 0.01  # over the diameter: as linear contacts are meant
 MAX_DRIFT = 0.01  # change of the mean density of a fluid that cannot leave
 FEW = 2000  # numbers, of which another checksum is quicker
 MAX_JUMP = 1e-12  # the same between two looks where it stays to rounding: 1e-17 in 50 steps
@@ -30,7 +31,7 @@ class GrainBits:
         self.trouble: str | None = None
 
     def _now(self) -> list[int]:
-        """A quick one for few numbers, and one that is quick for many."""
+        """Of rows and of forces: a quick one for few numbers, and one that is quick for many."""
         arrays = self.grains.columns["row"], self.grains.columns["force"]
         return [zlib.crc32(a.data) if a.size < FEW else int(np.add.reduce(a.view(np.int64), None)) for a in arrays]
 
@@ -40,8 +41,10 @@ class GrainBits:
 
     def compare(self, step: int) -> None:
         """Before a step of the grains."""
-        if self._now() != self.kept:
-            self.trouble = f"grains or forces on them changed by themselves before step {step}: damaged memory"
+        names = "places, velocities or sizes of grains", "forces on grains"
+        found = [name for name, now, kept in zip(names, self._now(), self.kept) if now != kept]
+        if found:
+            self.trouble = f"{' and '.join(found)} changed by themselves before step {step}: damaged memory"
 
 
 def cure(fluid: Fluid, brakes: str) -> str:
@@ -74,8 +77,13 @@ def fault(seen: Diagnostics, fluid: Fluid | None, dem: Dem | None, max_overlap: 
         return "the energy of a grain is no number"
     if dem and not dem.grains.are_as_made():
         return "a grain has another mass, inertia or radius than at the start, or leaves the plane: damaged memory"
-    if seen.overlap > max_overlap:
-        return f"grains overlap by {seen.overlap:.1%} of a diameter (limit {max_overlap:.0%})"
+    if dem and seen.overlap > max_overlap:
+        times, stiffness = seen.overlap / ENOUGH_OVERLAP, dem.law.stiffness
+        return (
+            f"grains overlap by {seen.overlap:.1%} of a diameter (limit {max_overlap:.0%}): contact.normal_stiffness = "
+            f"{times * stiffness:.2g} gives 1 % where a load or a flow presses them together, "
+            f"{times**2 * stiffness:.2g} where they strike"
+        )
     if seen.fluid and abs(seen.fluid.drift) > MAX_DRIFT:
         way = seen.way_to_keep_mass()
         return f"the mean density of the fluid has changed by {seen.fluid.drift:.2%} (limit {MAX_DRIFT:.0%}){way}"

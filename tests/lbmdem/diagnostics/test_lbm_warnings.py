@@ -36,6 +36,9 @@ def test_a_fluid_that_diverges_near_one_half_is_not_told_to_make_shorter_steps(w
         said, beside_grains = (fault(seen, app.fluid, grains, 0.1) for grains in (None, app.dem))
         seen.grains_stay = True
         assert ("holds back what flows" in fault(seen, app.fluid, None, 0.1)) != steps_help
+        deep = SimpleNamespace(fluid=None, overlap=0.15)
+        assert "normal_stiffness = 1.5e+05 gives 1 % where a load" in (told := str(fault(deep, None, app.dem, 0.1)))
+        assert "2.2e+06 where they strike" in told and fault(deep, None, app.dem, 0.2) is None  # of 1e4 N/m
     assert (CURE in said) == steps_help and ('fluid.collision = "central"' in said) != steps_help
     assert "brakes" not in said and ("brakes grains" in beside_grains) != steps_help
 
