@@ -68,13 +68,13 @@ def dragging(x, v, t):
 
 
 def test_a_magnetic_force_of_ones_own_is_that_of_the_field_to_rounding(monkeypatch):
-    """At wc dt = 2.4, beside another field and across an electric one, as the velocity that it sees is the mean of both
+    """At wc dt = 6, beside another field and across an electric one, as the velocity that it sees is the mean of both
     sides of the turn; by that of half a step before it heated.
     """
     monkeypatch.setitem(accelerations.ACCELERATIONS, "turning", turning)
     start = {"position": [[5.0, 5.0]], "velocity_before": [[0.5, 0.25]]}
     (x, v, _), (expected, speed, _) = (
-        tracer({"magnetic": [0.0, 0.0, b], "electric": [0.3, -0.2, 0.0]}, 2, start, push, 50, 1.2)
+        tracer({"magnetic": [0.0, 0.0, b], "electric": [0.3, -0.2, 0.0]}, 2, start, push, 50, 3.0)
         for b, push in ((1.5, {"acceleration": "turning"}), (2.0, {}))
     )
     np.testing.assert_allclose(v, speed, atol=1e-11)
