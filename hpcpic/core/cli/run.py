@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 LOCAL_SIZES = ("MPI_LOCALNRANKS", "OMPI_COMM_WORLD_LOCAL_SIZE")  # where launchers tell the ranks on this machine
 
 
-def _readable(parse: str) -> Callable:
+def _checked_by(parse: str) -> Callable:
     """A callback that refuses a text which hpcpic.core.run.triggers.`parse` cannot read, before anything starts."""
 
     def check(context: click.Context, option: click.Parameter, text: str | None) -> str | None:
@@ -44,7 +44,7 @@ def job_options(command: Callable) -> Callable:
         click.option(
             "--checkpoint-every",
             metavar="INTERVAL",
-            callback=_readable("parse_interval"),
+            callback=_checked_by("parse_interval"),
             help="500 (steps), 30s, 15m or 2h; 0s: never before the end.  [default: the case's, or 15m]",
         ),
         click.option(
@@ -52,13 +52,13 @@ def job_options(command: Callable) -> Callable:
             metavar="HH:MM:SS",
             default="0:10:00",
             show_default=True,
-            callback=_readable("parse_wall"),
+            callback=_checked_by("parse_wall"),
             help="Abort if a single step takes longer than this and longer than 20 usual steps.",
         ),
         click.option(
             "--wall",
             metavar="HH:MM:SS",
-            callback=_readable("parse_wall"),
+            callback=_checked_by("parse_wall"),
             help="Stop with a checkpoint before this much time is over.",
         ),
         click.option(

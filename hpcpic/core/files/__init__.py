@@ -1,1 +1,8 @@
-"""WHICH FILE: case files, run folders, series and snapshots."""
+"""WHICH FILE: the run folder and what is in it.
+
+folder       rundir.py, given.py (files of the case), provenance.py, start.py (arrays to start from)
+in time      series.py, histograms.py, snapshot.py (VTKHDF), openpmd.py; parts.py names the files after a restart
+checkpoint   sealed.py
+writing      image.py lays out HDF5 in memory, arrays.py holds the part of a rank, together.py shares failures
+reading      reader.py, safe_hdf5.py
+"""

@@ -33,7 +33,7 @@ def open_run(path: Path | str, program: str = "") -> "Run":
     return Run(RunDir.open(path, program))
 
 
-def _as_it_is(rundir: RunDir) -> dict[str, Any]:
+def _summary_of(rundir: RunDir) -> dict[str, Any]:
     """run.json, with the status "killed" where it says that a run goes on and no process holds the folder. Where that
     is not seen, `reason` says so.
     """
@@ -155,7 +155,7 @@ class Fields(Snapshots):
             vector = len(file.file[ROOT]["PointData"][name].shape) - 1 - len(self.points)
             values = file.dataset(f"{ROOT}/PointData/{name}", None, (None, *self.points, *(None,) * vector))
             offsets = file.dataset(f"{ROOT}/Steps/PointDataOffsets/{name}", np.int64, (None,))
-            return _of_the_run(file, name, values[int(offsets[own])])
+            return _run_components(file, name, values[int(offsets[own])])
 
 
 class Particles(Snapshots):
@@ -191,7 +191,7 @@ class Particles(Snapshots):
             result = {"id": ids[own], "position": _rows(file, f"{ROOT}/Points", rows)[own]}
             for name in self.names_at(index):
                 if name not in ("id", "species"):
-                    result[name] = _of_the_run(file, name, _rows(file, f"{ROOT}/PointData/{name}", rows)[own])
+                    result[name] = _run_components(file, name, _rows(file, f"{ROOT}/PointData/{name}", rows)[own])
             return result
 
 
@@ -202,7 +202,7 @@ def _rows_of(file: Checked, index: int) -> tuple[slice, NDArray]:
     return rows, file.dataset(f"{ROOT}/PointData/species", np.int32, (None,))[rows]
 
 
-def _of_the_run(file: Checked, name: str, values: NDArray) -> NDArray:
+def _run_components(file: Checked, name: str, values: NDArray) -> NDArray:
     """The components that the run has of those in the file."""
     components = int(file.attribute(f"{ROOT}/PointData/{name}", "components", -1))
     return values[..., :components] if components >= 0 else values
@@ -228,7 +228,7 @@ class Run:
     @cached_property
     def summary(self) -> dict[str, Any]:
         """run.json; what it cannot tell of a process that was killed, the lock of the folder tells."""
-        return _as_it_is(self.rundir)
+        return _summary_of(self.rundir)
 
     @cached_property
     def config(self) -> str:

@@ -33,7 +33,7 @@ from hpcpic.core.simd import own
 
 NOWHERE = os.devnull  # a folder in which no file can be
 PATIENCE_SECONDS = 600.0  # with a step that does not end; file systems that are shared stand still for minutes
-LOSER_SECONDS = 5.0  # how long a rank waits for the one that tells to end it
+REPORT_SECONDS = 5.0  # that a rank waits for the reporting one to end it
 _BY_CODE = {error.exit_code: error for error in (ConfigError, CheckFailed, Diverged, FileError)}
 
 
@@ -74,14 +74,12 @@ def everywhere() -> Iterator[None]:
 
 
 class Failure:
-    """Tells of failures. `folder` is where the token of the one who tells is taken: any folder all ranks
-    share.
-    """
+    """Reports failures once. The rank that first makes a token file in `folder`, which all ranks share, reports."""
 
     def __init__(self, world: World, tells: bool = True) -> None:
-        """tells: on standard error; where it is raised too, who catches it may tell it."""
+        """tells: print on standard error; not where the error is raised too, for its catcher to report."""
         self.world, self.tells = world, tells
-        self._own = _made_folder() if world.rank == 0 else ""
+        self._own = _new_folder() if world.rank == 0 else ""
         self.folder = Path(bytes(world.bcast(self._own.encode())).decode() or NOWHERE)
         self.on_failure: Callable[[str, int], None] | None = None  # text, code: the run folder notes it
         self._lock = threading.Lock()
@@ -93,8 +91,8 @@ class Failure:
         self._remove_own()
 
     def use(self, folder: Path) -> None:
-        """Take the token there from now on: the one that was made for the beginning, which a killed process would leave
-        behind, goes.
+        """Take the token in this folder from now on, and remove the temporary one, which a killed process would leave
+        behind.
         """
         self.folder = folder
         self._remove_own()
@@ -105,7 +103,7 @@ class Failure:
             self._own = ""
 
     def fail(self, error: BaseException, where: str = "") -> int:
-        """Tell the failure and end all ranks. Returns the code only when this is the only rank."""
+        """Report the failure and end all ranks. Returns the exit code where this is the only rank."""
         code = error.exit_code if isinstance(error, HpcpicError) else 1
         who = f"rank {self.world.rank} of {self.world.size}{where}"
         if isinstance(error, HpcpicError):
@@ -124,14 +122,14 @@ class Failure:
     def end(self, text: str, code: int) -> None:
         """Write the text if nobody else has, then end all ranks; returns when this is the only rank."""
         if not self._lock.acquire(blocking=False):
-            time.sleep(LOSER_SECONDS)  # another thread of this rank is telling
+            time.sleep(REPORT_SECONDS)  # another thread of this rank is telling
         if self._first():
             if self.tells:
                 write_error(text)
             if self.on_failure:
                 self.on_failure(text, code)
         else:
-            time.sleep(LOSER_SECONDS)
+            time.sleep(REPORT_SECONDS)
         self._remove_own()
         if self.world.size > 1:
             self.world.abort(code)
@@ -157,7 +155,7 @@ class Failure:
             os._exit(code)
 
 
-def _made_folder() -> str:
+def _new_folder() -> str:
     """A new temporary folder; "" where none can be made."""
     try:
         return tempfile.mkdtemp(prefix="hpcpic-")
@@ -196,9 +194,9 @@ def guarded(world: World, main: Callable[[Failure], int], raises: bool = False) 
 class Watchdog:
     """Ends a run that stands still, with the Python stack of every thread in a file of each rank.
 
-    A thread that counts beats of its own, so that it works while the main thread is blocked in MPI or in compiled code,
-    and a process that was suspended (Ctrl-Z, a batch system, a machine that slept) does not count the time for which it
-    was away. The file disappears when nothing was written.
+    Its thread works while the main thread is blocked in MPI or in compiled code. It counts its own beats, so that the
+    time for which a process was suspended (Ctrl-Z, a batch system, a machine that slept) does not count. The file is
+    removed where nothing was written.
     """
 
     def __init__(self, rundir: RunDir, rank: int, least: float = PATIENCE_SECONDS) -> None:

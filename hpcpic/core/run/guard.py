@@ -1,9 +1,9 @@
-"""One small reduction every few steps says whether all ranks go on: divergence, stop reasons, wall clock,
+"""All ranks agree every few steps, by one small reduction, whether they go on: divergence, reasons to stop, wall clock,
 checkpoint.
 
-How often follows from what it costs: the check and the reduction take at most 0.1 % of the time, or 1 % where a
-divergence would else go on for more than 100 steps, and a reason to stop is acted upon within about 0.2 s. The number
-of steps to the next look is computed from reduced values, so it is the same on all ranks.
+The agreement takes at most 0.1 % of the time, or 1 % where a divergence would else go on for more than 100 steps, and
+a reason to stop is acted upon within about 0.2 s. The number of steps to the next one is computed from reduced values,
+so it is the same on all ranks.
 """
 
 from __future__ import annotations

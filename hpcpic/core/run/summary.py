@@ -250,13 +250,13 @@ PART = ("first_step", "steps", "ranks", "threads", "wall_seconds", "status", "ex
 
 
 def part(facts: Mapping[str, Any]) -> dict[str, Any]:
-    """The entry in the history of a run of one part: of `run`, or of one `restart`; None: not known (yet)."""
+    """The entry of one part of a run, a `run` or a `restart`, in its history; None: not known (yet)."""
     return {key: facts.get(key) for key in PART}
 
 
 def settled(history: Any) -> list[Mapping[str, Any]]:
-    """The history in run.json, that of anybody, when nobody runs: a part that still says "running" was killed, and how
-    far it came is not known.
+    """The history in a run.json while no process holds the run: a part that still says "running" was killed, and the
+    step that it came to is not known.
     """
     parts = [entry for entry in history if isinstance(entry, Mapping)] if isinstance(history, list) else []
     end = {"status": "killed", "reason": "it left without a word"}

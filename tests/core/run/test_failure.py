@@ -66,7 +66,7 @@ def test_the_thread_hook_and_the_folder_are_put_back(world):
 
 
 def test_only_the_first_to_take_the_token_tells(world, tmp_path, capfd, monkeypatch):
-    monkeypatch.setattr("hpcpic.core.run.failure.LOSER_SECONDS", 0.0)
+    monkeypatch.setattr("hpcpic.core.run.failure.REPORT_SECONDS", 0.0)
     told = []
     for _ in range(3):
         failure = Failure(world)
