@@ -9,7 +9,7 @@ from hpcpic.core.case.derived import Derived, Verdict, judged, rounded_down
 from sph.case import geometry
 from sph.case.config import AXES
 from sph.setup.rigid.mass import share
-from sph.setup.rigid.surfaces import TOUCHING, gap
+from sph.setup.rigid.surfaces import TOUCHING, gap, stays
 from sph.setup.scene import Scene, Wall
 
 LIGHTEST = 0.03  # mass of a body over that of it and a layer of fluid
@@ -58,8 +58,9 @@ def judged_gap(scene: Scene, wall: Wall, name: str, least: float) -> tuple[str, 
                 f"contacts bear what turns {wall.name} towards {name}, and keep it from turning",
                 f"a gap of more than {spacing:g} m at any angle that it comes to; fluid goes through it")  # fmt: skip
     if wet(scene, wall) and least < (1.0 - TOUCHING) * spacing:
+        lifts = "" if stays(wall) else ", and lifts 2.4 spacings at each edge (h/dp 1.5), measured"
         return (f">= {spacing:g}, a layer of fluid", "warn",
-                f"no fluid gets between them: what is around {wall.name} presses it against {name}",
+                f"no fluid gets between them: what is around {wall.name} presses it against {name}{lifts}",
                 f"a gap of {spacing:g} m")  # fmt: skip
     return ">= 0", "ok", "contacts push apart what overlaps", ""
 

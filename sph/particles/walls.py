@@ -14,6 +14,7 @@ from sph.particles.tasks import Tasks
 from sph.setup.particle_lattices import whole_steps
 from sph.setup.rigid.edges import at_edges
 from sph.setup.rigid.rims import fastest_point
+from sph.setup.rigid.surfaces import solids
 from sph.setup.scene import AHEAD, Scene, Wall
 
 Corners = tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -47,6 +48,7 @@ class Walls:
         self.made: dict[int, Corners] = {}
         self.moving = any(wall.moving for wall in scene.walls)
         self.measured = np.array([wall.measure_force for wall in scene.walls], bool)
+        self._solids = solids(scene.walls)
         self.displacement = np.zeros((len(scene.walls), scene.dimensions))
         self.velocity, self.acceleration, self.taken_back = np.zeros((3, len(scene.walls), scene.dimensions))
         self.turns: dict[int, Corners] = {}  # of rigid bodies: centre at t = 0 and matrix
@@ -168,7 +170,7 @@ class Walls:
         kinds = np.array(
             [REAL | REPULSIVE * r.repulsive | EXTRAPOLATED * r.extrapolated | SLIPS * r.slips for r in rules]
         )
-        kinds |= [(wall.index + 1) << SOLID if wall.presses else 0 for wall in scene.walls]
+        kinds |= [number << SOLID for number in self._solids]
         mass = np.full(len(ids), scene.rho0 * scene.spacing**scene.dimensions)
         v = self.velocity[index][:, list(scene.axes)].T
         flags = kinds[index] | scene.normal_of(ids) << NORMAL

@@ -71,12 +71,28 @@ def off(one: Any, other: Any) -> float:
 
 
 def nearest(solid: Any) -> tuple[float, Any]:
-    """How far the nearest other wall is from a solid at t = 0, in spacings, and that wall; infinity and None: there is
-    no other.
+    """How far the nearest other wall that a solid does not touch is from it at t = 0, in spacings, and that wall;
+    infinity and None: there is none.
     """
     others = [wall for wall in solid.scene.walls if wall is not solid]
     gaps = [off(solid, wall) / solid.scene.spacing for wall in others]
-    return min(zip(gaps, others), key=lambda one: one[0], default=(math.inf, None))
+    apart = [one for one in zip(gaps, others) if one[0] > TOUCHING]
+    return min(apart, key=lambda one: one[0], default=(math.inf, None))
+
+
+def touching(solid: Any) -> list[Any]:
+    """The other walls that stay and that a solid touches or goes into."""
+    others = [wall for wall in solid.scene.walls if wall is not solid and stays(wall)]
+    least = TOUCHING * solid.scene.spacing
+    return [wall for wall in others
+            if off(solid, wall) <= least or (wall.section.solid and off(wall, solid) <= least)]  # fmt: skip
+
+
+def stays(wall: Any) -> bool:
+    """Whether a wall never moves, as a body does not of which all motions are held."""
+    body = wall.section.body
+    held = not body or len({*body.held}) == (3 if wall.scene.dimensions == 2 else 6)
+    return not wall.moving and held and not (body and any((*body.velocity, *body.angular_velocity)))
 
 
 def beside_a_film(solid: Any) -> bool:
@@ -86,8 +102,23 @@ def beside_a_film(solid: Any) -> bool:
     if not (solid.section.solid and solid.measure_force and solid.rule.extrapolated):
         return False
     least, other = nearest(solid)
-    seen = TOUCHING < least < solid.scene.support / solid.scene.spacing - 1.0 - TOUCHING
-    return seen and bool(other.rule.extrapolated)
+    seen = least < solid.scene.support / solid.scene.spacing - 1.0 - TOUCHING and bool(other.rule.extrapolated)
+    return seen and (stays(solid) or not touching(solid))
+
+
+def solids(walls: list[Any]) -> list[int]:
+    """The number of the solid that each wall is of, for `kernels.runs.across_a_film`: 0 of walls that do not press.
+    Those that stay and touch are one: no fluid is between them, whose pressure they could have.
+    """
+    found = [wall.index + 1 if wall.presses else 0 for wall in walls]
+    for wall in (wall for wall in walls if wall.presses and stays(wall)):
+        one = [wall]
+        for member in one:
+            if member.section.solid:
+                one += [other for other in touching(member) if other not in one]
+        for member in one:
+            found[member.index] = min(one, key=lambda other: other.index).index + 1
+    return found
 
 
 def pairs(walls: list[Any]) -> list[tuple[Any, Any]]:

@@ -293,10 +293,10 @@ def test_fluid_that_slips_along_a_disc_does_not_turn_it(kind, turned):
     assert (abs(sph.bodies.state[0, 12]) > 0.0) == turned
 
 
-def pier(low, high, kind="extrapolated-free-slip"):
+def pier(low, high, kind="extrapolated-free-slip", *others):
     """A solid that stays and whose force is measured, in a tank of the same kind."""
     return bodies(tank(len(low), kind)[9:-3], f"""{{ name = "pier"; type = "{kind}"; solid = true; measure_force = true;
-        shape = {{ box = {{ low = {low}; high = {high}; }}; }}; }}""")
+        shape = {{ box = {{ low = {low}; high = {high}; }}; }}; }}""", *others)
 
 
 @pytest.mark.parametrize(("low", "told"), [(0.0, 0), (0.05, 1), (0.08, 1), (0.1, 0)])
@@ -319,6 +319,24 @@ def test_solids_that_stay_press_on_each_other_across_a_film(d, smoothing, gap, p
     lift = 9810.0 * 0.4 ** (d - 1) * 0.3
     assert force[-1] == pytest.approx(lift, rel=0.05)
     assert np.abs(force[:-1]).max() < 1e-3 * lift
+
+
+def test_solids_that_stay_and_touch_press_as_one():
+    """A pier over a layer of water and what lies on it have the lift of Archimedes: it saw the one, not the water. A
+    body that is held on the floor is pressed down by the water above it; half of that was lifted by no film.
+    """
+    kind, held = 'type = "extrapolated-free-slip";', 'held = ["x", "y", "rz"];'
+    on_pier = body("box = { low = [0.3, 0.2]; high = [0.7, 0.35]; };", more=held, kind=kind)
+    on_floor = body("box = { low = [0.3, 0.0]; high = [0.7, 0.3]; };", more=held, kind=kind)
+    walls = tank(2, "extrapolated-free-slip")[9:-3]
+    for more, force in (
+        (pier([0.3, 0.05], [0.7, 0.2], "extrapolated-free-slip", on_pier), 9810.0 * 0.4 * 0.3),
+        (bodies(walls, on_floor), -9810.0 * 0.4 * 0.7),
+    ):
+        sph = engine(d=2, spacing=0.05, fill=(1.0, 1.0), smoothing=1.3, flux="delta", sound=60.0, more=more)
+        found = sum(one[0] for name, one in sph.wall_forces().items() if name != "tank")
+        assert found[1] == pytest.approx(force, rel=0.05)  # as of one solid over a layer
+        assert abs(found[0]) < 1e-3 * abs(force)
 
 
 def test_a_solid_that_touches_another_does_not_press_on_it():
