@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from hpcpic.core.files.reader import Run
 
 
-UNENDED = ("running", "killed")  # what a run is of which run.json tells no end
+UNENDED = ("running", "killed")  # the status of a run whose end run.json does not tell
 
 
 def plots_of(app: App) -> Mapping[str, Plot]:
@@ -61,7 +61,7 @@ def make_plot_command(app_loader: AppLoader) -> click.Command:
                 if not follow and isinstance(outcomes[name], Path):
                     click.echo(outcomes[name])
             if follow:
-                click.echo(f"{so_far(run)}: {count_of(outcomes)} of {len(names)} figures in {target}")
+                click.echo(f"{so_far(run)}: {n_drawn(outcomes)} of {len(names)} figures in {target}")
         _tell(folder, what, outcomes)
 
     return plot
@@ -79,8 +79,8 @@ def so_far(run: Run) -> str:
     return f"{status}, step {run.series.step[-1]}, t = {run.series.time[-1]:.5g} s"
 
 
-def count_of(outcomes: Mapping[str, Path | Exception]) -> int:
-    """How many of them are files."""
+def n_drawn(outcomes: Mapping[str, Path | Exception]) -> int:
+    """The number of figures that are in files."""
     return sum(isinstance(outcome, Path) for outcome in outcomes.values())
 
 
@@ -112,7 +112,7 @@ def _tell(folder: str, what: str, outcomes: Mapping[str, Path | Exception]) -> N
         click.echo(f"left out {', '.join(names)}: {why}", err=True)
     if failed:
         raise failed[0]
-    if not count_of(outcomes):
+    if not n_drawn(outcomes):
         raise FileError(f"{folder}: holds nothing that can be drawn yet")
 
 

@@ -87,7 +87,7 @@ def _write(path: Path, page: Page) -> None:
 
 
 def one_run(app: App, run: Run) -> Page:
-    facts = run.summary | _so_far(run)
+    facts = run.summary | _newest_sample(run)
     figures, omitted, failures = _figures(app, run)
     status = str(facts.get("status", "unknown"))
     header, description = _case(run)
@@ -109,8 +109,8 @@ def one_run(app: App, run: Run) -> Page:
     )
 
 
-def _so_far(run: Run) -> dict[str, Any]:
-    """Step and time of a run under way, or killed: those of its newest sample, as run.json tells them at the end."""
+def _newest_sample(run: Run) -> dict[str, Any]:
+    """Step and time of the newest sample of a run under way, or killed; run.json has them at the end only."""
     if run.summary.get("status") not in UNENDED or not (run.path / "series.h5").exists():
         return {}
     step, time = run.series.step, run.series.time
