@@ -187,7 +187,6 @@ class Case:
             return rundir, plan
 
         flags = Flags(threads_of(threads), words(wall), words(checkpoint_every), quiet=quiet, summary=not quiet)
-        flags.seconds(), flags.interval()  # which are refused before there is a folder
         frozen.require_unchanged()
         told = use.keep_own()
         target = run_folder(self._read_case) if folder is None else os.fspath(folder)

@@ -178,7 +178,6 @@ class Run:
         until = None if until is None else finite(until, "until")
         sets = tuple(assignments(changes or {}, _keep_nothing))
         flags = Flags(threads_of(threads), words(wall), words(checkpoint_every), quiet=quiet, summary=not quiet)
-        flags.seconds(), flags.interval()  # which are refused before the folder is touched
         frozen.require_unchanged()
         use.keep_own()
         meet("restart()")

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Flags:
-    """Options that `run` and `restart` share, as the command line gives them."""
+    """Options that `run` and `restart` share, as the command line gives them. ConfigError for a time that is none."""
 
     threads: int | None = None
     wall: str | None = None
@@ -45,6 +45,9 @@ class Flags:
     patience: str = "0:10:00"
     quiet: bool = False
     summary: bool = True  # printed at the end
+
+    def __post_init__(self) -> None:
+        self.interval(), self.seconds()  # before there is a folder
 
     def interval(self) -> Every | EverySeconds | None:
         return None if self.checkpoint_every is None else parse_interval(self.checkpoint_every)
