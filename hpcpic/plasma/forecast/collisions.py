@@ -19,6 +19,7 @@ FAST = 2.0  # thermal velocities: what drifts faster meets others too shortly to
 ALIKE = 2.0  # charges over masses within this factor are one kind: others share their energy far more slowly
 UNEQUAL = 1.25  # energies of macro-particles that differ by more have something to share
 SEEN = 0.1  # of a difference
+HEAVY = 2.2  # rate with heavier particles over that of one kind, times their mass over that of electrons: within 35 %
 LEAST, MOST = 0.5, 1e3  # lambda_D/dx: below it no rate was measured and the grid heats, beyond it nothing collides
 
 
@@ -32,6 +33,9 @@ def collisions(config: PlasmaConfig) -> Iterator[Derived]:
     fastest = max(abs(species.charge / species.mass) for species in moving)
     kind = [species for species in moving if abs(species.charge / species.mass) * ALIKE > fastest]
     kind = [species for species in kind if not drifts_fast(config, species)]
+    for heavy in moving:
+        if kind and heavy not in kind and not any(config.field.magnetic) and not drifts_fast(config, heavy):
+            yield from with_heavy(config, kind, heavy)
     energies = [macro_mass(config, s) * square for s in kind for square in squares(config, s)]
     if not energies or max(energies) < UNEQUAL * min(energies):
         return
@@ -51,6 +55,31 @@ def collisions(config: PlasmaConfig) -> Iterator[Derived]:
     yield judged(
         "collisions of macro-particles", "nu t", lost, limit=f"< {SEEN:g}", ok=lost < SEEN, legal=True, source=source,
         cure=cure, key=("species", config.species.index(kind[0]), "particles"),
+    )  # fmt: skip
+
+
+def with_heavy(config: PlasmaConfig, kind: list[Species], heavy: Species) -> Iterator[Derived]:
+    """How many e-folds the difference of temperature between the lightest kind and heavier particles of as much charge
+    loses in the run.
+    """
+    charges = [abs(macro_charge(config, species)) for species in (*kind, heavy)]
+    light = [macro_mass(config, species) * square for species in kind for square in squares(config, species)]
+    heat = [macro_mass(config, heavy) * square for square in squares(config, heavy)]
+    if not light or max(charges) > UNEQUAL * min(charges):
+        return
+    ours, other = sum(light) / len(light), sum(heat) / len(heat) if heat else 0.0
+    if max(ours, other) < UNEQUAL * min(ours, other):
+        return
+    wp = math.hypot(*(plasma_frequency(config, species) for species in kind))
+    debye = debye_cells(config, kind, wp) * math.sqrt(0.5 + 0.5 * other / ours)
+    rate = collision_rate(debye, per_cell(config, [*kind, heavy]), field_axes(config))
+    mass = macro_mass(config, heavy) / macro_mass(config, kind[0])
+    lost = HEAVY / mass * rate * wp * abs(config.simulation.time_step) * config.simulation.cycles
+    cure = f"{rounded_up(lost / SEEN):g} times the particles" if SEEN <= lost < math.inf else ""
+    yield judged(
+        f"collisions with {heavy.name}", "nu_h t", lost, limit=f"< {SEEN:g}", ok=lost < SEEN, legal=True,
+        source=f"measured: their temperature and that of {kind[0].name} come together by exp(-nu t)", cure=cure,
+        key=("species", config.species.index(heavy), "particles"),
     )  # fmt: skip
 
 
