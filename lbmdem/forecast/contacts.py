@@ -12,13 +12,14 @@ from hpcpic.core.physics.contact_law import deepest_overlap
 from hpcpic.core.space.products import product
 from lbmdem.case.config import ACCURATE, GrainSet, LbmDemConfig, contact_law, contact_step, grain_mass
 from lbmdem.forecast.estimate import phases
-from lbmdem.forecast.films import films
+from lbmdem.forecast.films import expected_substeps, films
 from lbmdem.forecast.free_fall import impact_speed
 from lbmdem.forecast.piles import heap, layers_at_rest, standing, weight_in_fluid
 from lbmdem.forecast.rates import DEFAULT
 from lbmdem.setup.overlap_survey import survey
 
 DEAR_SUBSTEPS = 1000  # of the contacts in a step of the fluid, which take longer than all else
+FEW_SUBSTEPS = 20  # with which films of touching discs have 0.2 % of their resistance, and a suspension its stress
 MAX_SUBSTEPS = 100_000
 CHAINS = 4.0  # times the mean overlap below a bed: its deepest, measured 2.5 (equal discs) to 3.8 (1 : 1.5)
 PILE = 2.0  # layers of grains, from which on they lie on each other
@@ -77,6 +78,12 @@ def substeps(config: LbmDemConfig) -> Derived:
         note += f", at rest to {rest * config.contact.normal_stiffness / softer:.2g}" if rest else ""
         spent = step["grains"]
         note += f"; now they take about {spent:.2g} s of a step, {spent / sum(step.values()):.0%} of it"
+    elif (wanted := expected_substeps(config)) > number:
+        step = phases(config, 1, 1, DEFAULT, 1)
+        share = step["grains"] / sum(step.values())
+        if share > 0.5:
+            note = f"films of grains that touch take up to {wanted}, {share:.0%} of a step; with coupling.substeps = "
+            note += f"{max(number, FEW_SUBSTEPS)} a sheared suspension of discs had the same stress to 0.4 %"
     limit, cure = f"<= {MAX_SUBSTEPS:g}", note if verdict == "fail" else ""
     return Derived("substeps of the contacts", "n_d", float(number), "", limit, verdict, note, cure, key, True)
 

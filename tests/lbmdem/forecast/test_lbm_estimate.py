@@ -7,6 +7,7 @@ from hpcpic.core.case.config import load, loads
 from lbmdem.app import shipped_cases
 from lbmdem.case.config import LbmDemConfig
 from lbmdem.configure import configure
+from lbmdem.forecast.contacts import substeps
 from lbmdem.forecast.cuts import first_cuts
 from lbmdem.forecast.estimate import (
     SAMPLES,
@@ -142,6 +143,22 @@ def test_dense_grains_want_the_substeps_of_their_films_and_few_do_not(world):
     assert expected_substeps(given) == 30
     thick = shipped("liquefaction", "fluid.kinematic_viscosity=1e-4", "fluid.relaxation_time=2.0")
     assert expected_substeps(thick) <= max(thick.substeps, MOST_SUBSTEPS)
+
+
+def test_films_that_take_most_of_a_step_are_told_with_the_way_to_fewer_substeps():
+    """Where grains are dense in a viscous fluid; with that number given, or few grains, nothing is told."""
+    dense = SUSPENSION.partition("grains")[0] + """grains = ({ density = 1000.0;
+        diameters = { min = 1.0e-3; max = 1.0e-3; count = 6; }; packing = { porosity = 0.7; }; });"""
+
+    def note(text, *sets):
+        return substeps(configure(loads(text, sets=sets))).source
+
+    soft = "contact.normal_stiffness=1.0"
+    assert "films of grains that touch take up to 1000, " in (told := note(dense, soft))
+    assert "coupling.substeps = 20 " in told
+    assert note(dense, soft, "coupling.substeps=20") == note(dense, soft, "grains[0].diameters.count=1") == ""
+
+
 SUSPENSION = """
 simulation = { end_time = 1.0; };
 domain = { size = [4.0e-3, 4.0e-3]; spacing = 1.0e-4; periodic = ["x"]; };
