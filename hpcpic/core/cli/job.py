@@ -47,7 +47,7 @@ class Flags:
     summary: bool = True  # printed at the end
 
     def __post_init__(self) -> None:
-        self.interval(), self.seconds()  # before there is a folder
+        self.interval(), self.seconds(), parse_wall(self.patience)  # before there is a folder
 
     def interval(self) -> Every | EverySeconds | None:
         return None if self.checkpoint_every is None else parse_interval(self.checkpoint_every)

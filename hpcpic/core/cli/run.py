@@ -24,19 +24,6 @@ if TYPE_CHECKING:
 LOCAL_SIZES = ("MPI_LOCALNRANKS", "OMPI_COMM_WORLD_LOCAL_SIZE")  # where launchers tell the ranks on this machine
 
 
-def _checked_by(parse: str) -> Callable:
-    """A callback that refuses a text which hpcpic.core.run.triggers.`parse` cannot read, before anything starts."""
-
-    def check(context: click.Context, option: click.Parameter, text: str | None) -> str | None:
-        from hpcpic.core.run import triggers
-
-        if text is not None:
-            getattr(triggers, parse)(text)
-        return text
-
-    return check
-
-
 def job_options(command: Callable) -> Callable:
     """The options that `run` and `restart` share."""
     for option in (
@@ -44,7 +31,6 @@ def job_options(command: Callable) -> Callable:
         click.option(
             "--checkpoint-every",
             metavar="INTERVAL",
-            callback=_checked_by("parse_interval"),
             help="500 (steps), 30s, 15m or 2h; 0s: never before the end.  [default: the case's, or 15m]",
         ),
         click.option(
@@ -52,13 +38,11 @@ def job_options(command: Callable) -> Callable:
             metavar="HH:MM:SS",
             default="0:10:00",
             show_default=True,
-            callback=_checked_by("parse_wall"),
             help="Abort if a single step takes longer than this and longer than 20 usual steps.",
         ),
         click.option(
             "--wall",
             metavar="HH:MM:SS",
-            callback=_checked_by("parse_wall"),
             help="Stop with a checkpoint before this much time is over.",
         ),
         click.option(
@@ -99,12 +83,12 @@ def make_run_command(app_loader: AppLoader) -> click.Command:
         beyond_limits: bool,
     ) -> int:
         """Run a case; `mpirun -n N` in front runs it on N ranks."""
-        if dry:
-            return _dry(app_loader(), case, sets, threads or 1, force)
         from hpcpic.core.cli.job import Flags, job
 
-        prepare = partial(prepare_run, case, output, sets, replace, force, beyond_limits)
-        return job(app_loader, prepare, Flags(threads, wall, checkpoint_every, patience, quiet))
+        flags = Flags(threads, wall, checkpoint_every, patience, quiet)
+        if dry:
+            return _dry(app_loader(), case, sets, threads or 1, force)
+        return job(app_loader, partial(prepare_run, case, output, sets, replace, force, beyond_limits), flags)
 
     return run
 
