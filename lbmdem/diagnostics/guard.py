@@ -31,7 +31,7 @@ class GrainBits:
         self.trouble: str | None = None
 
     def _now(self) -> list[int]:
-        """Of rows and of forces: a quick one for few numbers, and one that is quick for many."""
+        """Checksums of rows and of forces: a quick one for few numbers, and one that is quick for many."""
         arrays = self.grains.columns["row"], self.grains.columns["force"]
         return [zlib.crc32(a.data) if a.size < FEW else int(np.add.reduce(a.view(np.int64), None)) for a in arrays]
 

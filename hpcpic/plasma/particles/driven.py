@@ -55,7 +55,7 @@ def driven_kernel(
 
     @njit(cache=False)
     def column(x, w, a, t, h, axis, share, dt):
-        """Of the derivative by w of w - N a(x, w, t) dt, for a finite change h of w along an axis."""
+        """A column of the derivative by w of w - N a(x, w, t) dt, by a finite change h of w along an axis."""
         unit = (1.0 * (axis == 0), 1.0 * (axis == 1), 1.0 * (axis == 2))
         if axis >= components:
             return unit
