@@ -95,13 +95,14 @@ def impact_speed(config: LbmDemConfig, i: int) -> float:
     """Speed (m/s) at which a grain of a set meets what is below: that of its start and of its fall, in a fluid the
     larger of its start's and its terminal one at most. The highest of given positions falls to the wall or a plane, the
     lowest where they lie on each other all over the floor; the lowest of a packing to what lies below. Who falls longer
-    than the run meets nothing in it.
+    than the run meets nothing in it. Without fluid a shaken frame throws what falls, or what its weight does not hold.
     """
     group, pull = config.grains[i], math.hypot(*config.gravity)
     below = [k for k, g in enumerate(config.gravity) if abs(g) > 0.5 * pull and AXES[k] not in config.domain.periodic]
     speeds = np.linalg.norm(group.at_start("velocity"), axis=1)
     if not below:
-        return float(speeds.max(initial=0.0)) if any_resists(config) else 0.0
+        met = speeds + max(thrown(config, k) for k in range(config.dimensions))
+        return float(met.max(initial=0.0)) if any_resists(config) else 0.0
     axis, last = below[0], config.dimensions - 1
     down = config.gravity[axis] < 0.0
     if group.packing is not None:
@@ -116,7 +117,19 @@ def impact_speed(config: LbmDemConfig, i: int) -> float:
     falls = np.sqrt(2.0 * pull * np.where(met, heights, 0.0))
     if config.fluid:  # which brakes what is faster than its terminal speed
         return float(np.maximum(speeds, np.minimum(falls, terminal_speed(config, i))).max(initial=0.0))
-    return float(np.hypot(speeds, falls).max(initial=0.0))
+    pushed, shaking = thrown(config, axis), config.shaking
+    lifts = shaking is not None and abs(shaking.acceleration[axis]) > abs(config.gravity[axis])
+    return float((np.hypot(speeds, falls) + np.where(lifts | (falls > 0.0), pushed, 0.0)).max(initial=0.0))
+
+
+def thrown(config: LbmDemConfig, k: int) -> float:
+    """The largest speed (m/s) along an axis, in a shaken frame without fluid, of a grain that was at rest in it and is
+    free since; 0 along one along which nothing holds it, where all go with it."""
+    if config.shaking is None or config.fluid or AXES[k] in config.domain.periodic:
+        return 0.0
+    omega = 2.0 * math.pi * config.shaking.frequency
+    share = 1.0 - math.cos(min(math.pi, omega * config.simulation.end_time))
+    return share * abs(config.shaking.acceleration[k]) / omega
 
 
 def any_resists(config: LbmDemConfig) -> bool:

@@ -7,8 +7,11 @@ import pytest
 from app_runner import running
 
 from hpcpic.core.case.config import loads
+from hpcpic.core.physics.contact_law import deepest_overlap
+from lbmdem.case.config import contact_law
 from lbmdem.configure import configure
 from lbmdem.forecast.derived import derived
+from lbmdem.forecast.free_fall import impact_speed
 
 SHAKEN = """
 simulation = { end_time = 0.2; };
@@ -114,3 +117,29 @@ def test_a_shaken_fluid_gets_as_fast_as_is_told(world):
         unit = app.scene.units.velocity / math.sqrt(3.0)
     speed = told(SPEED, *sets).value
     assert 0.9 * speed < fastest * unit < 1.02 * speed
+
+
+@pytest.mark.parametrize("height, amplitude, thrown", [(0.0, 9.0, 0.0), (0.0, 30.0, 2.0), (2e-3, 9.0, 2.0)])
+def test_a_grain_meets_a_shaken_floor_with_what_the_frame_gives_it_at_most(world, height, amplitude, thrown):
+    """Twice a/omega beside its fall, where it falls or is thrown; on a floor that its weight holds it to, nothing."""
+    text = f"""
+    simulation = {{ end_time = 0.04; }};
+    domain = {{ size = [0.01, 0.01]; }};
+    grains = ({{ diameter = 1.0e-3; density = 2500.0; position = [0.005, {5e-4 + height}]; }});
+    contact = {{ normal_stiffness = 4.0e4; friction = 0.0; }};
+    gravity = [0.0, -9.81];
+    shaking = {{ acceleration = [0.0, {amplitude}]; frequency = 100.0; }};
+    """
+    config = configure(loads(text))
+    speed = math.sqrt(2.0 * 9.81 * height) + thrown * amplitude / (200.0 * math.pi)
+    assert impact_speed(config, 0) == pytest.approx(speed, rel=1e-9)
+    if amplitude < 9.81:
+        return
+    with running(world, "lbmdem", text) as app:
+        deepest = 0.0
+        while app.time < 0.03:
+            app.advance(4)
+            deepest = max(deepest, app.scalars()["overlap"])
+    mass = 2500.0 * math.pi / 4.0 * 1e-6
+    told = deepest_overlap(speed, mass, contact_law(config)) / 1e-3
+    assert 0.3 * told < deepest < told + mass * (9.81 + amplitude) / 4.0e4 / 1e-3  # and what presses it on meanwhile
