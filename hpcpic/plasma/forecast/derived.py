@@ -12,7 +12,7 @@ from hpcpic.plasma.case.config import MOST_POINTS, Equation, PlasmaConfig, veloc
 from hpcpic.plasma.case.units import SYSTEMS, known_by_ratio
 from hpcpic.plasma.forecast.cell_edges import cell_edges
 from hpcpic.plasma.forecast.cold_drift import cold_drift
-from hpcpic.plasma.forecast.cold_wave import cold_wave
+from hpcpic.plasma.forecast.cold_wave import cold_wave, noise_of_cold
 from hpcpic.plasma.forecast.collisions import collisions
 from hpcpic.plasma.forecast.densest import at_densest, dense_frequency, densest, mean_debye
 from hpcpic.plasma.forecast.estimate import SERIES_SHARE, affordable_period, count_seconds, phases
@@ -63,6 +63,7 @@ def derived(config: PlasmaConfig, ranks: int = 1) -> list[Derived]:
         *resolution(config),
         *cold_drift(config),
         *cold_wave(config),
+        *noise_of_cold(config),
         *noise(config),
         *collisions(config),
         *cell_edges(config),

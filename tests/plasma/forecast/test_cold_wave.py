@@ -82,3 +82,21 @@ def test_a_wave_in_a_plasma_that_drifts_as_a_whole_is_told_of_however_fast_that_
     ions = '{ name = "i"; charge = 1.0; mass = 100.0; plasma_frequency = 0.1; particles = 4096; }'
     through = WAVE.replace("species = (", f"species = ({ions},")
     assert told(through, *(one.replace("[0]", "[1]", 1) for one in sets)) is None
+
+
+@pytest.mark.parametrize("dimensions", [1, 2])
+def test_the_field_of_random_places_of_a_cold_plasma_is_as_told(dimensions, world):
+    """Nothing was told where it was as large as the wave. Its longest waves are most of it, and known by chance:
+    one start is within a factor of two.
+    """
+    box = ["simulation.space_length=[6.4, 6.4]", "grid.points=[64, 64]", "species[0].perturbation.mode=[1, 0]"]
+    sets = [amplitude(1.0), "species[0].init_method=random", *(box if dimensions == 2 else [])]
+    number = numbers(sets, WAVE)[0]["W/W(0)"]
+    with running(world, "hpcpic", configure(loads(WAVE, sets=sets))) as app:
+        noise = app.scalars()["energy_field"]
+    with running(world, "hpcpic", configure(loads(WAVE, sets=[*sets, "species[0].init_method=quiet"]))) as app:
+        wave = app.scalars()["energy_field"]
+    assert 0.5 < number.value / (noise / wave - 1) < 2.0
+    factor = float(re.search(r"or (\S+) times the particles", number.cure)[1])
+    assert numbers([*sets, f"species[0].particles={int(4096 * factor * 1.01)}"], WAVE)[0]["W/W(0)"].verdict == "ok"
+    assert "W/W(0)" not in numbers([*sets, "species[0].init_method=quiet"], WAVE)[0]
