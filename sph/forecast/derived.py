@@ -23,7 +23,7 @@ from sph.physics.wall_rules import rule_of
 from sph.setup.mirror_groups import most_images
 from sph.setup.obstacles import DOMAIN, too_near
 from sph.setup.scene import FluidSet, Scene, Wall
-from sph.setup.signed_distance import signed_distance
+from sph.setup.signed_distance import signed_distance, thickness
 from sph.setup.speeds import heights_of, motion_speed
 from sph.setup.tanks import edge, ends
 
@@ -348,8 +348,7 @@ def extents(config: SphConfig, scene: Scene, ranks: int) -> Iterator[Derived]:
             yield Derived(title, "L/support", length / scene.support, "", "> 3", verdict, source, cure, key)
     for i, wall in enumerate(config.wall):
         if wall.solid and not wall.shape.plane:
-            low, high = geometry.bounds(wall.shape)
-            thin = min(b - a for a, b in zip(low, high)) / scene.spacing
+            thin = thickness(wall.shape) / scene.spacing
             verdict = "ok" if thin >= 0.99 else "fail"
             cure = "" if verdict == "ok" else f"make it {scene.spacing:g} m thick, or a smaller spacing"
             yield Derived(f"thickness of {wall.name}", "L/dp", thin, "", ">= 1", verdict, "one layer", cure,

@@ -6,9 +6,10 @@ import pytest
 import sph
 from hpcpic.core.errors import ConfigError
 from sph.case import geometry
-from sph.case.shapes import Box, Polygon, Shape
+from sph.case.shapes import Box, Cylinder, Polygon, Shape
+from sph.forecast.derived import derived
 from sph.setup.rigid.mass import rigid_of
-from sph.setup.signed_distance import signed_distance
+from sph.setup.signed_distance import signed_distance, thickness
 
 ANVIL = ((0.0, 0.0), (1.0, 0.0), (0.7, 0.4), (1.2, 0.8), (-0.2, 0.9), (0.3, 0.4))  # which is hollow on both sides
 WATER = {"box": {"low": [0.0, 0.0], "high": [1.2, 0.6]}}
@@ -54,6 +55,26 @@ def test_sizes_do_not_depend_on_the_place_the_first_corner_and_the_sense_of_rota
         assert here.mass == pytest.approx(there.mass, rel=1e-12)
         np.testing.assert_allclose(here.inertia, there.inertia, atol=1e-12)
     np.testing.assert_allclose(here.centre - there.centre, [64.0, -64.0, 0.0], atol=1e-12)
+
+
+def test_a_plate_is_as_thick_as_it_is_in_any_place_and_at_any_angle():
+    """What is thinner than a spacing holds no water: `check` told of boxes alone, by the box around a shape."""
+    turn = np.array([[0.8, 0.6], [-0.6, 0.8]])
+    plate = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.01], [0.0, 0.01]])
+    bent = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.01], [0.01, 0.01], [0.01, 1.0], [0.0, 1.0]])
+    angle = np.linspace(0.0, 2 * np.pi, 24, endpoint=False)
+    for corners, thick, near in (
+        (plate, 0.01, 1e-4),
+        (bent, 0.01 * (2 * 2**0.5 / (1 + 2**0.5)), 0.2),  # in its corner
+        (np.array([[0.0, 0.0], [0.4, 0.0], [0.4, 0.3]]), 0.2, 1e-4),
+        (np.stack([np.cos(angle), np.sin(angle)], axis=1), 2 * np.cos(np.pi / 24), 1e-4),
+    ):
+        for one in (corners, corners @ turn + 3.0, corners[::-1]):
+            assert thickness(polygon(one.tolist())) == pytest.approx(thick, rel=near)
+    strip = Shape(cylinder=Cylinder(base=(0.0, 0.0), top=(1.0, 1.0), radius=0.005))
+    assert thickness(strip) == pytest.approx(0.01)
+    found = {row.name: row for row in derived(case([[0.5, 0.0], [0.51, 0.0], [0.81, 0.6], [0.8, 0.6]]).config)}
+    assert found["thickness of w"].verdict == "fail"
 
 
 def case(corners, water=WATER, walls=(TANK,), dimensions=2, **wall):
