@@ -129,7 +129,7 @@ def test_cuts_follow_the_grains_when_that_is_worth_laying_out(monkeypatch, few_a
     with running(World.alone(), "lbmdem", turned) as app:
         for _ in range(2):
             app.step()
-        there = balance.Held(app.world, app.iteration, app.time, app.state())
+        there = balance.StateInMemory(app.world, app.iteration, app.time, app.state())
         app.step(), app.step()
         expected = found(app)
     with running(world, "lbmdem", case) as app:
