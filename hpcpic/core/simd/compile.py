@@ -40,7 +40,7 @@ from hpcpic.core.simd.resolution import remember
 
 _ROOT = Path(__file__).resolve().parents[3]  # of the packages
 _KERNEL_FOLDERS = {"simd", "space", "comm", "tasks", "physics", "kernels"}
-_COMPILES = re.compile(rb"simd\.compile import .*\bnjit\b")  # in a file that has kernels of its own
+_COMPILES = re.compile(rb"simd\.compile import (\([^)]*|.*)\bnjit\b")  # in a file that has kernels of its own
 _FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 _BARE = "no_cpython_wrapper"  # the option of numba
 PATIENCE_SECONDS = 60.0  # with another process that compiles what is needed here

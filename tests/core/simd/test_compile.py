@@ -180,6 +180,8 @@ def test_kernel_sources_decide_the_folder(cache, monkeypatch, tmp_path):
     assert {"compile.py", "vector.py", "scheduler.py", "domain.py", "bench.py"} <= names
     assert not {"poisson.py", "loop.py"} & names  # the loop asks only how many functions were compiled
     assert "push.py" in {source.name for source in compile._kernel_sources("hpcpic.plasma")}
+    lines = b"import compilations, njit\n", b"import (\n    compilations,\n    njit,\n)\n", b"import compilations\n"
+    assert [bool(compile._COMPILES.search(b"from hpcpic.core.simd.compile " + line)) for line in lines] == [1, 1, 0]
     files = ["hpcpic/core/space/shape.py", "hpcpic/pic/kernels/push.py", "other/kernels/push.py", "other/front.py"]
     for file in files:
         (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
