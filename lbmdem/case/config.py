@@ -37,6 +37,7 @@ class Simulation(Section):
 
 
 class DomainSection(Section):
+    instead = dict.fromkeys(("low", "high"), "the box begins at the origin: size = [Lx, Ly]")
     size: Lengths = setting(REQUIRED, "size of the box, [Lx, Ly] or [Lx, Ly, Lz]", "m", min_length=2, max_length=3)
     spacing: float | None = setting(None, "distance of the lattice nodes; no meaning without fluid", "m", gt=0)
     periodic: Names = setting((), "axes along which the box repeats")

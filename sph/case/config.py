@@ -42,6 +42,7 @@ class Simulation(Section):
 
 
 class Domain(Section):
+    instead = dict.fromkeys(("size", "length", "lengths"), "the corners are low = [0.0, 0.0] and high = [Lx, Ly]")
     low: Vector | None = setting(None, "lower corner; by default that of fluids and walls", "m")
     high: Vector | None = setting(None, "upper corner; by default that of fluids and walls", "m")
     periodic: Names = setting((), "axes along which the domain repeats itself, of x, y, z")

@@ -52,6 +52,10 @@ def packed(*packings: str) -> str:
     return f"grains = ({', '.join(f'{{ {law}; packing = {{ {packing} }}; }}' for packing in packings)});"
 
 
+def test_a_domain_of_sph_is_answered_by_its_size():
+    assert "domain.high: unknown key; the box begins at the origin" in messages(CHANNEL.replace("size =", "high ="))
+
+
 @pytest.mark.parametrize("stiffness", [0.01, 1.0, 1e3, 1e5])
 def test_a_substep_of_the_contacts_is_a_fifth_of_the_largest_stable_one(stiffness):
     """A step of the fluid has as few substeps as that allows; grains without fluid take a fifth exactly."""

@@ -143,6 +143,11 @@ def test_a_tank_that_shall_turn_is_told_what_can_be_done():
     assert "did you mean 'velocity'" in refused(BASE + wall.replace("angular_", "angular_v_"))
 
 
+def test_a_domain_of_the_lattice_is_answered_by_corners():
+    told = refused(BASE + "domain = { size = [1.0, 1.0]; };")
+    assert "domain.size: unknown key; the corners are low = [0.0, 0.0] and high = [Lx, Ly]" in told
+
+
 def test_an_stl_file_is_looked_for_beside_the_case(tmp_path):
     case = tmp_path / "case.conf"
     case.write_text(
