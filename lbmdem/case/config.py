@@ -100,7 +100,7 @@ class GrainSet(Section):
     position: Points = setting((), "of the centres: one vector, or a list of them", "m")
     packing: Packing | None = None
     moving: bool = setting(True, "false: fixed in space")
-    velocity: Vector = setting((), "at the start; of fixed grains always", "m/s")
+    velocity: Vector = setting((), "at the start; of fixed grains that of their surface, always", "m/s")
     angular_velocity: Vector = setting((), "[wz] in 2D, [wx, wy, wz] in 3D", "rad/s")
     start: Start | None = None
     acceleration: str = setting("", MEANING, "m/s2")

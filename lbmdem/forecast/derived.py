@@ -185,9 +185,10 @@ def obstacles(config: LbmDemConfig) -> Iterator[Derived]:
 def sliding(config: LbmDemConfig) -> Iterator[Derived]:
     """Velocity of grains that stay: that of their surface alone."""
     for i, group in enumerate(config.grains):
-        speed = math.hypot(*group.velocity)
+        speed = largest(group, "velocity")
         if speed and (not group.moving or config.coupling.frozen):
             cure = "its surface slides and it stays where it is: moving = true lets it go, velocity = [] holds it still"
+            cure += ", angular_velocity turns it"
             name, key = f"velocity of {group.name}, which stays", ("grains", i, "velocity")
             yield Derived(name, "v", speed, "m/s", "0", "warn", "", cure, key)
 

@@ -63,7 +63,8 @@ def start(part, grain_cuts, grains, box, gravity, planar, farthest, dt):
         a, b = load_at(F, grain + 128 * i, 64), load_at(F, grain + 128 * i + 64, 64)
         force = exchange(load_at(F, push + 64 * i, 64) + load_at(F, more + 64 * i, 8), 4)
         rate = select(at_v, fma(force, splat(F, rows[i, 7]), weight * pull[i]), zero)
-        x = fma(select(at_x, exchange(fma(rate, half, a), 4), zero), splat(F, dt), a)
+        goes = dt if rows[i, 7] > 0.0 else 0.0  # what stays has the velocity of its surface
+        x = fma(select(at_x, exchange(fma(rate, half, a), 4), zero), splat(F, goes), a)
         out = periodic & ((x < 0.0) | (x >= length))
         if bitmask(out) != 0:
             x = select(out, fma(floor(x * inverse), -length, x), x)

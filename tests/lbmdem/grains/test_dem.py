@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from dem_scenes import FLOOR, HISTORY, LAW, RADIUS, STIFFNESS, Saved, by_id, cloud, dem, grains
+from dem_scenes import DENSITY, FLOOR, HISTORY, LAW, RADIUS, STIFFNESS, Saved, by_id, cloud, dem, grains
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.errors import ConfigError, Diverged
@@ -96,6 +96,17 @@ def test_history_holds_a_block_where_the_regularised_law_creeps(world, pool):
         scene.advance(2e-4, 5000)
         creep = scene.grains.mass[0] * G * math.sin(0.3) / beta
         assert scene.grains.v[0, 0] == pytest.approx(0.0 if shear else creep, rel=1e-3, abs=1e-5 * creep)
+
+
+def test_a_grain_that_stays_slides_under_what_lies_on_it(world, pool):
+    """Its velocity is that of its surface, as in a fluid, which sees it where it is at the start: it does not go."""
+    weight = DENSITY * 4 / 3 * math.pi * RADIUS**3 * G
+    x = [[0.5, 0.5, 0.5], [0.5, 0.5, 0.5 + 2 * RADIUS - weight / STIFFNESS]]
+    columns = grains(x, v=[[3.0, 0.0, 0.0], [0.0] * 3], fixed=[True, False])
+    scene = dem(world, columns, LAW, (1.0,) * 3, gravity=(0.0, 0.0, -G), pool=pool)
+    scene.advance(1e-4, 50)
+    assert by_id(scene, scene.grains.x)[0].tolist() == x[0]
+    assert by_id(scene, scene.grains.v)[1, 0] == pytest.approx(LAW.friction * G * scene.time, rel=0.01)
 
 
 @pytest.mark.parametrize("law", [LAW, HISTORY])
