@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +26,24 @@ class LauncherMismatch(HpcpicError):
     """mpirun belongs to another MPI than mpi4py: every process would believe that it is alone."""
 
     exit_code = 2
+
+
+class NoMpi(HpcpicError):
+    """mpi4py is there, as always, but no MPI library that it could load."""
+
+    exit_code = 2
+
+
+def load_mpi() -> ModuleType:
+    """mpi4py.MPI, whose import starts MPI. Raises NoMpi where there is no library."""
+    try:
+        from mpi4py import MPI
+    except (ImportError, RuntimeError) as error:  # of an mpi4py built for one library; of a wheel that looks for any
+        reason = str(error).partition("\n")[0]
+        raise NoMpi(
+            f"no MPI: {reason}. `pip install mpich` brings one; on a cluster load its module (docs/start/cluster.md)"
+        ) from error
+    return MPI
 
 
 def launched_size(environ: Mapping[str, str]) -> int:
@@ -62,9 +81,11 @@ class World:
 
     @classmethod
     def start(cls) -> "World":
-        """Start MPI (all ranks together), or be the only rank when no launcher was used."""
-        from mpi4py import MPI
+        """Start MPI (all ranks together), or be the only rank when no launcher was used.
 
+        Raises NoMpi, and LauncherMismatch.
+        """
+        MPI = load_mpi()
         comm = MPI.COMM_WORLD
         check_launcher(os.environ, comm.Get_size(), " ".join(MPI.get_vendor()[0].split()))
         node = comm.Split_type(MPI.COMM_TYPE_SHARED) if comm.Get_size() > 1 else MPI.COMM_SELF
@@ -73,8 +94,7 @@ class World:
     @classmethod
     def alone(cls) -> "World":
         """This process as the only rank, whoever else runs: for measurements that one rank makes."""
-        from mpi4py import MPI
-
+        MPI = load_mpi()
         return cls(MPI.COMM_SELF, MPI.COMM_SELF)
 
     def cpus(self, threads: int) -> list[int]:

@@ -3,10 +3,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import mpi4py
 import numpy as np
 import pytest
 
-from hpcpic.core.comm.world import LauncherMismatch, World, check_launcher, launched_size
+from hpcpic.core.comm.world import LauncherMismatch, NoMpi, World, check_launcher, launched_size
 
 LAUNCHERS = ("PMI", "PMIX", "OMPI", "MPI", "HYDRA", "SLURM")
 
@@ -31,6 +32,15 @@ def test_start_refuses_to_be_one_of_many_singletons():
     environment = alone() | {"OMPI_COMM_WORLD_SIZE": "3", "PYTHONPATH": str(Path(__file__).parents[3])}
     done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, timeout=50)
     assert done.returncode == 1 and "LauncherMismatch: mpirun started 3 processes" in done.stderr
+
+
+@pytest.mark.parametrize("start", [World.start, World.alone])
+def test_where_there_is_no_mpi_library_that_is_said(monkeypatch, start):
+    monkeypatch.delattr(mpi4py, "MPI", raising=False)
+    monkeypatch.setitem(sys.modules, "mpi4py.MPI", None)  # its import fails
+    with pytest.raises(NoMpi, match=r"no MPI: .*pip install mpich") as caught:
+        start()
+    assert caught.value.exit_code == 2
 
 
 @pytest.mark.skipif(launched_size(os.environ) > 1, reason="for one rank")
