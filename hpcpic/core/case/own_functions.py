@@ -7,11 +7,12 @@ import dis
 import functools
 import inspect
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import CodeType, FunctionType
 from typing import Any
 
 from hpcpic.core.simd.formulas import VECTORS
+from hpcpic.core.simd.frozen import read_by
 
 _IMPORTED = re.compile(r"<use_(.+)_[0-9a-f]{32}>")  # see core.app.use
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
@@ -116,6 +117,13 @@ def _fault(
         return first, f"is called with ({', '.join(names)}), but takes {inspect.signature(function)}"
     for unknown, line in _undefined(function):
         return line, f"{unknown!r} is not defined"
+    if further := list(inspect.signature(function).parameters)[len(names) :]:
+        return first, (
+            f"takes {further[0]!r} besides ({', '.join(names)}): let a function make it, def make({further[0]}): def "
+            f"{function.__name__}(...): ...; return {function.__name__}"
+        )
+    for name in _random(function):
+        return first, f"draws random numbers ({name}): it must give the same whenever it is asked, on any rank"
     try:
         compiled = numba.njit(function)
         compiled.compile(types)
@@ -141,6 +149,18 @@ def _undefined(function: FunctionType) -> list[tuple[str, int]]:
         if step.opname in ("LOAD_GLOBAL", "LOAD_NAME") and step.argval not in there:
             found.append((step.argval, line))
     return found
+
+
+def _random(function: FunctionType) -> Iterator[str]:
+    """Names by which a function, or one that it calls, draws random numbers."""
+    import random
+
+    import numpy as np
+
+    sources = random.Random | np.random.RandomState | np.random.Generator
+    for name, value in read_by(function):
+        if value is random or value is np.random or isinstance(getattr(value, "__self__", value), sources):
+            yield name
 
 
 def _sentence(error: Exception, function: FunctionType) -> str:

@@ -59,6 +59,15 @@ def digest_of(*functions: Callable) -> bytes:
 def values_of(*functions: Callable) -> dict[str, str]:
     """Name -> value in words of what functions and those that they call read."""
     found: dict[str, str] = {}
+    for name, value in read_by(*functions):
+        if not callable(value) and (words := _words(value)):
+            known = found.get(name, words)
+            found[name] = words if words == known else f"{known} and {words}"  # of two functions that call it alike
+    return found
+
+
+def read_by(*functions: Callable) -> Iterator[tuple[str, Any]]:
+    """Names and values of what functions, and those of the user's own that they call, read beside their arguments."""
     left, seen = list(functions), set[int]()
     while left:
         function: Any = left.pop()
@@ -67,12 +76,9 @@ def values_of(*functions: Callable) -> dict[str, str]:
             continue
         seen.add(id(function))
         for name, value in _read(function):
+            yield name, value
             if callable(value):
                 left.append(value)
-            elif words := _words(value):
-                known = found.get(name, words)
-                found[name] = words if words == known else f"{known} and {words}"  # of two functions that call it alike
-    return found
 
 
 def _read(function: FunctionType) -> Iterator[tuple[str, Any]]:

@@ -1,10 +1,12 @@
 """Mistakes in a function of the user's own are told in one line with file, line, name and what would be right."""
 
 import math
+import random
 
 import numba
 import numpy as np
 import pytest
+from numpy.random import normal
 
 from hpcpic.core.case import accelerations
 from hpcpic.core.case.own_functions import arithmetic_fault, formula_fault
@@ -84,9 +86,34 @@ def branches(x, v, t):
     return 0.0
 
 
+def with_a_default(x, v, t, stiffness=4.0):
+    return -stiffness * x[0], 0.0, 0.0
+
+
+def noisy(x, v, t):
+    return random.gauss(0.0, 1.0), 0.0, 0.0
+
+
+@numba.njit
+def numpy_noise():
+    return np.random.normal()  # noqa: NPY002
+
+
+def calls_noise(x, v, t):
+    return numpy_noise(), 0.0, 0.0
+
+
+def draws(x, v, t):
+    return normal(0.0, 1.0), 0.0, 0.0  # noqa: NPY002
+
+
 @pytest.mark.parametrize(
     ("function", "line", "told"),
     [
+        (with_a_default, 0, "takes 'stiffness' besides (x, v, t): let a function make it"),
+        (noisy, 0, "draws random numbers (random.gauss)"),
+        (calls_noise, 0, "draws random numbers ("),
+        (draws, 0, "draws random numbers (normal)"),
         (two, 0, "must return three numbers"),
         (one, 0, "must return three numbers, a_x, a_y, a_z (it returns float64)"),
         (array, 0, "must return three numbers"),
