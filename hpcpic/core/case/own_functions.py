@@ -145,7 +145,7 @@ def _undefined(function: FunctionType) -> list[tuple[str, int]]:
     found, line = [], function.__code__.co_firstlineno
     there = {**vars(__import__("builtins")), **function.__globals__}
     for step in dis.get_instructions(function):
-        line = step.starts_line or line
+        line = (step.positions and step.positions.lineno) or line
         if step.opname in ("LOAD_GLOBAL", "LOAD_NAME") and step.argval not in there:
             found.append((step.argval, line))
     return found
