@@ -17,14 +17,22 @@ AXES = "xyz"
 VECTOR = "component"
 
 
+def moment(time: float, step: int) -> dict[str, Any]:
+    """Coordinates by which `xarray.concat(..., "time")` puts states one after the other."""
+    return {"time": ((), float(time), {"units": "s"}), "step": ((), int(step))}
+
+
 def field(
     name: str,
     values: NDArray,
     spacing: Sequence[float],
     first: Sequence[float],
-    attributes: Mapping[str, Any],
+    unit: str,
+    at: Mapping[str, Any],
 ) -> xarray.DataArray:
-    """values[..., y, x] or with components last; spacing and place of the first point [m] in the order of the axes."""
+    """values[..., y, x] or with components last; spacing and place of the first point [m] in the order of the axes; at:
+    its `moment`.
+    """
     import xarray
 
     d = len(spacing)
@@ -36,7 +44,7 @@ def field(
     if values.ndim > d:
         axes.append(VECTOR)
         coordinates[VECTOR] = list(AXES[: values.shape[-1]])
-    return xarray.DataArray(values, coords=coordinates, dims=axes, name=name, attrs=dict(attributes))
+    return xarray.DataArray(values, {**coordinates, **at}, axes, name, {"units": unit})
 
 
 def histogram(name: str, read: Histogram) -> xarray.DataArray:
@@ -52,11 +60,10 @@ def histogram(name: str, read: Histogram) -> xarray.DataArray:
 
 
 def particles(
-    columns: Mapping[str, NDArray], units: Mapping[str, str], offsets: Mapping[str, float],
-    attributes: Mapping[str, Any],
+    columns: Mapping[str, NDArray], units: Mapping[str, str], offsets: Mapping[str, float], at: Mapping[str, Any]
 ) -> xarray.Dataset:  # fmt: skip
     """columns[name][n, ...], one of them `id`, by which particles are named; vectors have the axes x, y, z. offsets:
-    s by which a column is of a later time than the others, where it is.
+    s by which a column is of a later time than the others, where it is. at: their `moment`.
     """
     import xarray
 
@@ -72,4 +79,4 @@ def particles(
     if any(VECTOR in dims for dims, *_ in variables.values()):
         widest = max(values.shape[1] for dims, values, _ in variables.values() if VECTOR in dims)
         coordinates[VECTOR] = list(AXES[:widest])
-    return xarray.Dataset(variables, coordinates, dict(attributes))
+    return xarray.Dataset(variables, {**coordinates, **at})

@@ -111,6 +111,8 @@ class Case:
         {"simulation.end_time": 1.0}. A list takes the place of the whole list, which adds a species, or leaves a group
         of one out.
         """
+        if not isinstance(changes, Mapping):
+            raise ConfigError(f'changed({{"simulation.time_step": 0.1}}): keys with their values (got {changes!r})')
         case = object.__new__(type(self))
         case._source, case._text = self._source, self._text
         case._starts, case._array_keys = self._starts, self._array_keys

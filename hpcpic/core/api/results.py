@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cached_property, partial
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, cast
 
 from hpcpic.core.api import arrays
@@ -44,6 +45,10 @@ class Run:
         steps = self.summary.get("steps")  # which run.json tells when a run has ended
         ended = "" if steps is None else f", {steps} steps"
         return f"<{self._app.name} run {str(self.path)!r}: {self.status}{ended}>"
+
+    def __reduce__(self) -> tuple[Callable[..., Run], tuple[str, str]]:
+        """For pickle: where the folder is. It is opened there, on this machine or one that has it at that path."""
+        return _opened_again, (self._app.name, str(self.path.absolute()))
 
     @property
     def summary(self) -> dict[str, Any]:
@@ -95,14 +100,13 @@ class Run:
 
     def fields(self, name: str, *, time: float | None = None, step: int | None = None) -> xarray.DataArray:
         """A field at the snapshot nearest to a time, at a step, or at the last one, of those that hold it; with the
-        places of its points.
+        places of its points. All of them in one array: fields of `field_times`, by
+        xarray.concat(fields, "time", coords="different", compat="equals").
         """
         snapshots = self._files.field_snapshots
         index = _index(snapshots, step, time, name)
-        attributes = self._attributes(snapshots, index) | {"units": snapshots.units.get(name, "")}
-        return arrays.field(
-            name, snapshots.read(name, index), snapshots.spacing, snapshots.first, attributes
-        )
+        values, unit = snapshots.read(name, index), snapshots.units.get(name, "")
+        return arrays.field(name, values, snapshots.spacing, snapshots.first, unit, self._moment(snapshots, index))
 
     def particles(
         self, name: str | None = None, *, time: float | None = None, step: int | None = None
@@ -116,8 +120,8 @@ class Run:
         if name is None:
             raise ConfigError(f"particles: name one of {', '.join(snapshots.species) or 'none'}")
         index = _index(snapshots, step, time)
-        units, attributes = {"position": "m", **snapshots.units}, self._attributes(snapshots, index)
-        return arrays.particles(snapshots.read(name, index), units, snapshots.time_offsets, attributes)
+        units, at = {"position": "m", **snapshots.units}, self._moment(snapshots, index)
+        return arrays.particles(snapshots.read(name, index), units, snapshots.time_offsets, at)
 
     def histogram(self, name: str) -> xarray.DataArray:
         """A histogram of the case as a density over `time` [s] and the middles of its bins; its integral over all axes
@@ -127,8 +131,8 @@ class Run:
         return arrays.histogram(name, self._files.histogram(name))
 
     @staticmethod
-    def _attributes(snapshots: reader.Snapshots, index: int) -> dict[str, Any]:
-        return {"time": float(snapshots.times[index]), "step": int(snapshots.steps[index])}
+    def _moment(snapshots: reader.Snapshots, index: int) -> dict[str, Any]:
+        return arrays.moment(snapshots.times[index], snapshots.steps[index])
 
     @property
     def figures(self) -> tuple[str, ...]:
@@ -199,6 +203,12 @@ class Run:
         use.import_to_go_on(facts_of(self._files.rundir), self._files.rundir.given)
         config, tree, _ = case_of(self._app, self._files.rundir, None, (), 1)
         return Simulation(self._app, config, threads, checkpoints=(self._files.rundir, tree))
+
+
+def _opened_again(program: str, folder: str) -> Run:
+    """A run that was pickled."""
+    found: Run = import_module(program).open_run(folder)
+    return found
 
 
 def ended(code: int, folder: str | os.PathLike[str], app: App) -> Run:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,6 +92,16 @@ class Simulation:
         checkpoint.require_same_case(reader, app.name, app.fixed_settings(tree))
         checkpoint.hold(reader, self.model.columns(reader), self.world)
         self.model.restore(reader)
+
+    def __repr__(self) -> str:
+        state = "" if self._open else ", closed"
+        return f"<simulation: {self.iteration} steps, t = {self.time:.6g} s{state}>"
+
+    def __reduce__(self) -> NoReturn:
+        raise TypeError(
+            "a simulation can be neither pickled nor copied: its threads and messages are of this process. A case can, "
+            "and a run, and what particles() and fields() give"
+        )
 
     def __enter__(self) -> Self:
         return self
@@ -272,7 +282,7 @@ class Simulation:
         domain, field = self.model.domain, found[name]
         values = self._everywhere(np.ascontiguousarray(field.values))
         first = [domain.offset * step for step in domain.spacing]
-        return arrays.field(name, _kept(values), domain.spacing, first, self._attributes(units=field.unit))
+        return arrays.field(name, _kept(values), domain.spacing, first, field.unit, self._moment())
 
     def particles(self, name: str | None = None) -> xarray.Dataset:
         """All particles of one species, fluid or set of grains, on every rank, in the order of their numbers; without a
@@ -291,10 +301,10 @@ class Simulation:
         order = np.argsort(whole["id"], kind="stable")
         units = {"position": "m", **own.units}
         kept = {key: _kept(values[order]) for key, values in whole.items()}
-        return arrays.particles(kept, units, own.time_offsets, self._attributes())
+        return arrays.particles(kept, units, own.time_offsets, self._moment())
 
-    def _attributes(self, **more: str) -> dict[str, Any]:
-        return {"time": self.time, "step": self.iteration, **more}
+    def _moment(self) -> dict[str, Any]:
+        return arrays.moment(self.time, self.iteration)
 
     def _everywhere(self, rows: NDArray) -> NDArray:
         """The rows of all ranks in their order, on every rank."""

@@ -330,6 +330,11 @@ def absent(group: Any, path: Path) -> str:
     if isinstance(group, tuple) and isinstance(path[-1], int):
         whole = dotted(path[:-1])
         return f"there is no {dotted(path)}: {whole} has {len(group)}; to add one give the whole list, {whole}"
+    if isinstance(group, tuple):
+        whole, name = dotted(path[:-1]), path[-1]
+        named = [i for i, one in enumerate(group) if isinstance(one, dict) and one.get("name") == name]
+        meant = f"{name!r} is {whole}[{named[0]}]" if named else f"its groups are {whole}[0], {whole}[1], ..."
+        return f"there is no {dotted(path)}: {whole} is a list of {len(group)}; {meant}"
     keys = list(group) if isinstance(group, dict) else []
     near = difflib.get_close_matches(str(path[-1]), keys, 1)
     hint = f"; did you mean {dotted((*path[:-1], near[0]))}?" if near else ""

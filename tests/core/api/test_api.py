@@ -1,7 +1,9 @@
 """The Python face: what is done in Python gives what the command line gives, and errors are exceptions."""
 
+import copy
 import dataclasses
 import json
+import pickle
 import signal
 import subprocess
 import sys
@@ -10,6 +12,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+import xarray
 from app_runner import launch
 
 import hpcpic
@@ -203,6 +206,21 @@ def test_snapshots_are_asked_for_by_a_step_or_a_time(oscillation, when, told):
     for read in (partial(oscillation.fields, "rho"), oscillation.particles):
         with pytest.raises(hpcpic.ConfigError, match=told):
             read(**when)
+
+
+def test_snapshots_make_one_array_over_time(oscillation):
+    """Fields and particles carry their time as a coordinate; as an attribute it was lost when they were joined."""
+    fields = [oscillation.fields("E", time=t) for t in oscillation.field_times]
+    film = xarray.concat(fields, "time", coords="different", compat="equals")
+    assert film.time.values.tolist() == oscillation.field_times and film.step.values[-1] == 12
+    assert float(oscillation.particles().time) == oscillation.particle_times[-1]
+
+
+def test_a_run_goes_to_another_process_and_a_simulation_stays(oscillation):
+    assert pickle.loads(pickle.dumps(oscillation)).digest == oscillation.digest
+    with CASES[0].simulation(threads=1) as sim, pytest.raises(TypeError, match="neither pickled nor copied"):
+        copy.deepcopy(sim)
+    assert repr(sim) == "<simulation: 0 steps, t = 0 s, closed>"
 
 
 def test_simulations_in_two_threads_are_those_of_one(oscillation):

@@ -100,6 +100,7 @@ def test_a_fault_that_several_sets_share_is_told_once():
     ("make", "told"),
     [
         (lambda case: hpcpic.Case(str(case)), r"text of a case: write it to a file, .*\.write_text"),
+        (lambda case: case.changed("simulation.cycles=3"), "keys with their values"),
         (lambda case: hpcpic.Case(3), r"a shipped name or a path \(got 3\)"),
         (lambda case: case.changed({"species[7]": {"name": "i"}}), "to add one give the whole list, species"),
         (lambda case: case.changed({"species[0].perturbation": None}), "to leave a key out make the case anew, or"),

@@ -199,11 +199,13 @@ def test_the_words_of_others_lead_to_verbs_and_are_none():
     [
         ("specie[0].charge=1.0", "there is no specie; did you mean species?"),
         ("elephants[0].charge=1.0", "there is no elephants"),
+        ("species.charge=1.0", "species is a list of 1; its groups are species[0], species[1], ..."),
+        ("species.ions.charge=1.0", "there is no species.ions: species is a list of 1; 'ions' is species[0]"),
         ("species[7].charge=1.0", "there is no species[7]: species has 1; to add one give the whole list, species"),
     ],
 )
 def test_a_setting_of_a_list_that_is_not_there_has_the_one_that_was_meant(assignment, said):
-    (fault,) = loads("species = ({ charge = -1.0; });", sets=(assignment,)).faults
+    (fault,) = loads('species = ({ name = "ions"; charge = -1.0; });', sets=(assignment,)).faults
     assert fault.endswith(said)
 
 
