@@ -40,11 +40,20 @@ class BoxShape(Section):
 
 
 class Shape(Section):
+    instead = dict.fromkeys(
+        ("cylinder", "sphere", "disc", "circle", "polygon", "stl"),
+        "there are plane and box; what is round is a grain with moving = false, what is bent a row of such grains",
+    )
     plane: PlaneShape | None = None
     box: BoxShape | None = None
 
 
 class Obstacle(Section):
+    instead = dict.fromkeys(
+        ("angular_velocity", "rotation", "motion"),
+        "it slides along itself (velocity); what turns is a grain with moving = false and an angular_velocity, and the "
+        "wall of a drum of radius R that turns with w is a ring of such grains of radius r with -w R/r",
+    )
     name: str = setting("", "name in the output; by default obstacle_1, ...")
     shape: Shape
     velocity: Vector = setting((), "of its surface, along which it slides", "m/s")

@@ -1,6 +1,7 @@
 """What a case says: bad input is told with its place, good input survives being written, derived numbers hold."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from hpcpic.core.case.dump import dump
 from hpcpic.core.errors import ConfigError
 from hpcpic.core.physics.contact_law import ContactLaw, stable_step
 from lbmdem.app import shipped_cases
-from lbmdem.case.config import Diameters, LbmDemConfig, contact_step, lightest
+from lbmdem.case.config import Contact, Diameters, LbmDemConfig, contact_step, lightest
 from lbmdem.configure import configure
 from lbmdem.forecast.derived import derived
 from lbmdem.forecast.estimate import estimate
@@ -54,6 +55,26 @@ def packed(*packings: str) -> str:
 
 def test_a_domain_of_sph_is_answered_by_its_size():
     assert "domain.high: unknown key; the box begins at the origin" in messages(CHANNEL.replace("size =", "high ="))
+
+
+@pytest.mark.parametrize(
+    "extra, said",
+    [
+        ("obstacle = ({ shape = { cylinder = { radius = 1.0; }; }; });", "what is round is a grain with moving"),
+        (plane().replace("velocity", "angular_velocity"), "a ring of such grains of radius r with -w R/r"),
+        ("contact = { rolling_friction = 0.1; };", "heaps are those of round grains"),
+        ("contact = { restitution = 0.7; };", "damping = 0.05, 0.1, 0.2, 0.3 gives 0.85, 0.73, 0.53, 0.37"),
+        ("contact = { youngs_modulus = 1e7; };", "normal_stiffness in N/m"),
+    ],
+)
+def test_what_other_programs_have_is_answered_by_what_stands_for_it(extra, said):
+    assert said in messages(CHANNEL + extra)
+
+
+def test_the_restitution_that_is_told_of_a_damping_is_that_of_the_law():
+    numbers = np.array([float(x) for x in re.findall(r"0\.\d+", Contact.instead["restitution"])])
+    alphas, found = numbers[:4], numbers[4:]
+    assert np.exp(-np.pi * alphas / np.sqrt(1.0 - alphas**2)) == pytest.approx(found, abs=5e-3)
 
 
 @pytest.mark.parametrize("stiffness", [0.01, 1.0, 1e3, 1e5])
