@@ -109,7 +109,7 @@ class Constants(Section):
     )
 
 
-class Perturbation(Section):
+class Perturbation(Group):
     mode: Integers = setting(
         REQUIRED, "whole wavelengths across the box, [nx], [nx, ny] or [nx, ny, nz]; k = 2 pi n / L"
     )

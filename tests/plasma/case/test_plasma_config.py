@@ -287,6 +287,9 @@ def test_all_bad_settings_are_told_at_once_with_their_places():
         ("walls=1", "walls: unknown key; the box is periodic along every axis"),
         ("species[0].bc=1", "species[0].bc: unknown key; the box is periodic along every axis"),
         ("species[0].collisions=1", "species[0].collisions: unknown key; particles collide with no gas"),
+        ("simulation.laser=1", "simulation.laser: unknown key; the field is electrostatic"),
+        ("species[0].fixed=true", "species[0].fixed: unknown key; a background that makes the box neutral"),
+        ("species[0].temperature_anisotropy=2.0", "unknown key; temperatures by axis are velocities of `start`"),
         ("species[0].B=1", "species[0].B: unknown key; the magnetic field is field.magnetic"),
     ],
 )
