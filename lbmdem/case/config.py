@@ -151,10 +151,10 @@ class GrainSet(Section):
 
 
 class Contact(Section):
-    instead = dict(
-        restitution="damping = 0.05, 0.1, 0.2, 0.3 gives 0.85, 0.73, 0.53, 0.37: exp(-pi alpha/sqrt(1 - alpha^2))",
-        **dict.fromkeys(("rolling_friction", "rolling_resistance"), "there is none: heaps are those of round grains"),
-        **dict.fromkeys(("youngs_modulus", "poisson_ratio"), "contacts are linear springs: normal_stiffness in N/m"),
+    instead = (
+        {"restitution": "damping = 0.05, 0.1, 0.2, 0.3 gives 0.85, 0.73, 0.53, 0.37: exp(-pi alpha/sqrt(1 - alpha^2))"}
+        | dict.fromkeys(("rolling_friction", "rolling_resistance"), "there is none: heaps are those of round grains")
+        | dict.fromkeys(("youngs_modulus", "poisson_ratio"), "contacts are linear springs: normal_stiffness in N/m")
     )
     normal_stiffness: float = setting(1.0e4, "k_n", "N/m", gt=0)
     damping: float = setting(0.2, "alpha, of the critical damping of a pair", ge=0, lt=1)
