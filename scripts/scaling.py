@@ -34,7 +34,7 @@ from typing import Any
 from hpcpic.core.app.read import read_case
 from hpcpic.core.cli.launch import launcher
 from hpcpic.core.errors import HpcpicError
-from hpcpic.core.files.rundir import write_json
+from hpcpic.core.files.atomic import write_json
 
 PROGRAMS = ("hpcpic", "sph", "lbmdem")
 STANDARD_ERROR = 0.01

@@ -18,7 +18,7 @@ import numpy as np
 from fault_matrix.bench import Bench, Done, expect
 from fault_matrix.fuzz import changed
 from fault_matrix.rows import row
-from hpcpic.core.files.rundir import temporary, write_atomic
+from hpcpic.core.files.atomic import temporary, write_atomic
 
 FUZZ = (475_000, 25_000)  # lines, whole cases, by each of two processes
 PROGRAMS = 12  # whole programs beside them

@@ -136,8 +136,8 @@ class Case:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the case file, and beside it the files that it names. Raises FileError."""
+        from hpcpic.core.files.atomic import write_atomic
         from hpcpic.core.files.given import content_of, located, names_of
-        from hpcpic.core.files.rundir import write_atomic
 
         target, names = Path(path), names_of(self._read_case.tree)
         beside = {source: f"{target.stem}-{name}" for source, name in names.items()}

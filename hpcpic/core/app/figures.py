@@ -145,7 +145,7 @@ def _numbers() -> Formatter:
 
 def save(figure: Figure, path: Path) -> None:
     """PNG on white paper, or SVG as it is, by the ending of the path; replaced only when complete."""
-    from hpcpic.core.files.rundir import write_atomic
+    from hpcpic.core.files.atomic import write_atomic
 
     if path.suffix == ".svg":
         write_atomic(path, svg(figure))
@@ -183,7 +183,7 @@ def movie(frames: Iterator[Figure], path: Path) -> None:
     if path.suffix == ".gif":
         from PIL import Image
 
-        from hpcpic.core.files.rundir import write_atomic
+        from hpcpic.core.files.atomic import write_atomic
 
         buffer, images = io.BytesIO(), [Image.fromarray(_pixels(figure, SCREEN)) for figure in frames]
         colours = images[-1].quantize(256, Image.Quantize.MAXCOVERAGE)  # a median cut makes bands of a colour bar

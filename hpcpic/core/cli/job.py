@@ -23,7 +23,8 @@ from hpcpic.core.cli.estimate import facts as estimate_facts
 from hpcpic.core.comm.world import World
 from hpcpic.core.cores import crowded
 from hpcpic.core.errors import HpcpicError
-from hpcpic.core.files.rundir import RunDir, write_atomic
+from hpcpic.core.files.atomic import write_atomic
+from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.run import checkpoint, log, summary
 from hpcpic.core.run.failure import Agreed, Failure, everywhere, guarded, share
 from hpcpic.core.run.outputs import trigger_of

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from hpcpic.core.errors import FileError
 from hpcpic.core.files import image
 from hpcpic.core.files.arrays import Counts
+from hpcpic.core.files.atomic import temporary
 from hpcpic.core.files.parts import part_of, parts_of
-from hpcpic.core.files.rundir import temporary
 from hpcpic.core.files.safe_hdf5 import Checked, open_checked
 from hpcpic.core.files.series import CHUNK_ROWS, STEP, TIME, announce, extend
 from hpcpic.core.files.together import Alone, together

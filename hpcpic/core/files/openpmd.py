@@ -19,8 +19,8 @@ import numpy as np
 
 from hpcpic.core.files import image
 from hpcpic.core.files.arrays import PARTICLE_UNITS, FieldArray, ParticleArray, Shard
+from hpcpic.core.files.atomic import temporary
 from hpcpic.core.files.image import Slot
-from hpcpic.core.files.rundir import temporary
 from hpcpic.core.files.together import Alone, together
 from hpcpic.core.space.domain import Domain
 from hpcpic.version import __version__

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from hpcpic.core.case.gauge import STEP, TIME
 from hpcpic.core.errors import FileError
 from hpcpic.core.files import image
-from hpcpic.core.files.rundir import RunDir, discard, temporary, write_atomic
+from hpcpic.core.files.atomic import discard, temporary, write_atomic
+from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.files.safe_hdf5 import open_checked
 from hpcpic.core.files.together import explain
 

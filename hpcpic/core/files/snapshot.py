@@ -23,9 +23,9 @@ import numpy as np
 from hpcpic.core.errors import FileError
 from hpcpic.core.files import image
 from hpcpic.core.files.arrays import PARTICLE_UNITS, FieldArray, ParticleArray, Shard, spatial
+from hpcpic.core.files.atomic import temporary
 from hpcpic.core.files.image import Slot
 from hpcpic.core.files.parts import part_of, parts_of
-from hpcpic.core.files.rundir import temporary
 from hpcpic.core.files.safe_hdf5 import open_checked
 from hpcpic.core.files.together import Alone, together
 from hpcpic.core.space.domain import Domain

@@ -80,7 +80,7 @@ def make_report_command(app_loader: AppLoader) -> click.Command:
 
 
 def _write(path: Path, page: Page) -> None:
-    from hpcpic.core.files.rundir import write_atomic
+    from hpcpic.core.files.atomic import write_atomic
 
     path.parent.mkdir(parents=True, exist_ok=True)
     write_atomic(path, render(page))

@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from hpcpic.core.errors import ConfigError, FileError
 from hpcpic.core.files import image, sealed
 from hpcpic.core.files.arrays import Column, Shard
-from hpcpic.core.files.rundir import RunDir, discard, temporary
+from hpcpic.core.files.atomic import discard, temporary
+from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.files.sealed import CHUNK, Array, Reader
 from hpcpic.core.files.together import ALONE, Alone, together
 from hpcpic.core.space.domain import block_ranges

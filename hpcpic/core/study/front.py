@@ -13,7 +13,7 @@ from hpcpic.core.app.text import percent
 from hpcpic.core.case.config import dotted
 from hpcpic.core.case.dump import dump
 from hpcpic.core.errors import CheckFailed
-from hpcpic.core.files.rundir import write_atomic, write_json
+from hpcpic.core.files.atomic import write_atomic, write_json
 from hpcpic.core.study.error_models import slope
 from hpcpic.core.study.proposals import Proposal
 from hpcpic.core.study.recommend import Recommendation, Verified

@@ -15,7 +15,7 @@ from hpcpic.core.app.text import shown, table
 from hpcpic.core.app.use import use_option
 from hpcpic.core.case.config import dotted
 from hpcpic.core.errors import CheckFailed, ConfigError
-from hpcpic.core.files.rundir import write_json
+from hpcpic.core.files.atomic import write_json
 
 if TYPE_CHECKING:
     from hpcpic.core.app.knobs import Knob, Knobs

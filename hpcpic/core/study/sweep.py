@@ -24,7 +24,8 @@ from hpcpic.core.app.use import use_option
 from hpcpic.core.cli.launch import Start, launch, refuse_launcher
 from hpcpic.core.cli.restart import facts_of
 from hpcpic.core.errors import CheckFailed, ConfigError, FileError
-from hpcpic.core.files.rundir import RunDir, write_atomic
+from hpcpic.core.files.atomic import write_atomic
+from hpcpic.core.files.rundir import RunDir
 
 _RANGE = re.compile(r"([^:]+):([^:]+):(\d+)")
 _FACTS = ("status", "exit_code", "steps", "time", "wall_seconds", "step_ms", "state_digest")

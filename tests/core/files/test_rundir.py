@@ -14,8 +14,9 @@ import pytest
 
 from hpcpic.core.errors import FileError
 from hpcpic.core.files import rundir as rundir_module
+from hpcpic.core.files.atomic import temporary, write_atomic
 from hpcpic.core.files.provenance import provenance
-from hpcpic.core.files.rundir import RunDir, temporary, write_atomic
+from hpcpic.core.files.rundir import RunDir
 
 HOLD = """
 import sys
