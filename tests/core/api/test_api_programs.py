@@ -41,7 +41,6 @@ SMALLER = {
     "two_grains": ('"end_time": 1.5', '"end_time": 0.2'),
     "coarse_to_fine": ("COARSE, FINE = 32, 96", "COARSE, FINE = 12, 36"),
 }
-ON_TWO_AS_WELL = ("build_a_case", "own_loader", "own_wall_rule", "run_a_case")  # one of each simulator, and a run
 NAMES = sorted(path.stem for path in EXAMPLES.glob("*.py"))
 
 
@@ -95,12 +94,12 @@ def test_examples_run(ran, name):
     """Where that takes long, for a shorter time or on a coarser mesh."""
     found = digests(ran, name, 1, whole=name not in SMALLER)
     assert name == "read_a_run" or found
-    if name in ON_TWO_AS_WELL:
+    if name == "run_a_case":  # what ranks of a program do: test_api_ranks
         assert digests(ran, name, 2) == found
 
 
 @pytest.mark.validation
 @pytest.mark.timeout(600)
-@pytest.mark.parametrize("name", [name for name in NAMES if name not in ON_TWO_AS_WELL])
+@pytest.mark.parametrize("name", NAMES)
 def test_examples_give_the_same_on_one_rank_and_on_two(ran, name):
     assert digests(ran, name, 1) == digests(ran, name, 2)

@@ -1,8 +1,6 @@
 """Figures of many grains, on a bed of discs across a periodic side."""
 
 import json
-import subprocess
-import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -36,9 +34,7 @@ output = { period = { series = 0.001; fields = 0.001; grains = 0.001; }; };
 def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("bed")
     (folder / "bed.conf").write_text(BED)
-    words = [sys.executable, "-m", "lbmdem", "run", str(folder / "bed.conf"), "-o", str(folder / "run"), "--quiet"]
-    done = subprocess.run(words, capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout + done.stderr
+    lbmdem.Case(folder / "bed.conf").run(folder / "run", threads=1, quiet=True)
     return open_run(folder / "run")
 
 

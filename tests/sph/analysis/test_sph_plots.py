@@ -1,8 +1,6 @@
 """Figures are made from real runs, and what a run does not hold is said."""
 
 import math
-import subprocess
-import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,6 +8,7 @@ import pytest
 from figure_texts import unreadable
 from matplotlib import colormaps
 
+import sph
 from hpcpic.core.app.figures import NoData, save
 from hpcpic.core.files.reader import open_run
 from hpcpic.core.files.series import Series
@@ -19,21 +18,18 @@ from sph.app import shipped_cases
 from sph.setup.channel import channel_of
 
 SHORT = {
-    "water-column": ("numerics.spacing=0.0146", "simulation.end_time=0.06", "output.pictures=[0.06]"),
-    "column-impact-a": ("numerics.spacing=0.018", "simulation.end_time=0.006"),
+    "water-column": {"numerics.spacing": 0.0146, "simulation.end_time": 0.06, "output.pictures": [0.06]},
+    "column-impact-a": {"numerics.spacing": 0.018, "simulation.end_time": 0.006},
 }
-PERIODS = ("output.period.series=0.002", "output.period.particles=0.03")
+PERIODS = {"output.period.series": 0.002, "output.period.particles": 0.03}
 EXPECTED = {
     "water-column": {"sequence", "energies", "front", "depth", "step", "timers"},
     "column-impact-a": {"sequence", "energies", "forces", "impulses", "depth", "step", "timers"},
 }
 
 
-def run_of(name, folder):
-    words = [sys.executable, "-m", "sph", "run", name, "-o", str(folder), "--threads", "1", "--quiet"]
-    words += [word for setting in (*SHORT[name], *PERIODS) for word in ("--set", setting)]
-    done = subprocess.run(words, capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout + done.stderr
+def run_of(name, folder, changes):
+    sph.Case(name).changed(changes).run(folder, threads=1, quiet=True)
     return open_run(folder)
 
 
@@ -41,7 +37,7 @@ def run_of(name, folder):
     "name", ["water-column", pytest.param("column-impact-a", marks=pytest.mark.validation)]
 )  # another kind of scene to compile
 def test_figures_of_a_run(name, tmp_path):
-    run, made = run_of(name, tmp_path / "run"), set()
+    run, made = run_of(name, tmp_path / "run", SHORT[name] | PERIODS), set()
     for what, plot in PLOTS.items():
         try:
             figure = plot.make(run, None)
@@ -329,12 +325,9 @@ output = { period = { particles = 0.1; }; };
 
 
 def test_bodies_in_space_are_painted_where_they_are(tmp_path):
-    case, folder = tmp_path / "ball.conf", tmp_path / "run"
+    case = tmp_path / "ball.conf"
     case.write_text(BODY_IN_SPACE)
-    words = [sys.executable, "-m", "sph", "run", str(case), "-o", str(folder), "--threads", "1", "--quiet"]
-    done = subprocess.run(words, capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout + done.stderr
-    run = open_run(folder)
+    run = run_of(case, tmp_path / "run", {})
     snapshots = run.particle_snapshots
     for number in range(len(snapshots.times)):
         for names in (["water"], ["water", "ball"], ["ball"], []):

@@ -136,7 +136,7 @@ def test_the_overlap_is_the_chosen_one():
         assert depth == pytest.approx(share * DP, rel=0.01)
 
 
-@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("d", [2, pytest.param(3, marks=pytest.mark.validation)])  # in 3D: one that sinks, below
 def test_a_dropped_body_comes_to_rest_on_the_floor(d):
     """Within 0.01 spacings of a spacing over the floor, a corner down at first in 2D."""
     shape = f"box = {{ low = {[0.0, 0.1, 0.0][:d]}; high = {[0.2, 0.3, 0.2][:d]}; }};"

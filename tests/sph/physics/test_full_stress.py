@@ -41,7 +41,7 @@ def test_a_disc_that_spins_freely_keeps_its_energy():
     assert spin_left("morris", initial_pressure="flow") < 0.7
 
 
-@pytest.mark.parametrize(("density", "nu"), [(1000.0, 2e-2), (700.0, 3e-4)])
+@pytest.mark.parametrize(("density", "nu"), [pytest.param(1000.0, 2e-2, marks=pytest.mark.validation), (700.0, 3e-4)])
 def test_so_does_one_with_another_liquid_within(density, nu):
     """6e-3: waves of pressure, which start with it here (`flow` does not know several densities)."""
     assert spin_left("full-stress", disc(0.05, "core", density, nu)) == pytest.approx(1.0, abs=6e-3)
