@@ -254,8 +254,11 @@ def test_a_cold_wave_oscillates_at_the_discrete_frequency(given, factor):
     assert abs(vertex) < 1e-5
 
 
-@pytest.mark.parametrize("points", [[128], [32, 16]])
-@pytest.mark.parametrize("precision", ["double", "single"])
+@pytest.mark.parametrize(
+    ("points", "precision"),
+    [([128], "double"), ([32, 16], "double"), ([32, 16], "single"),
+     pytest.param([128], "single", marks=pytest.mark.validation)],  # kernels for this alone
+)  # fmt: skip
 def test_particles_that_are_rounded_alike_are_no_damage(points, precision):
     """A cold beam on a lattice: what rounds the place of one rounds that of all, in the same direction."""
     drift = [0.3, 0.0][: len(points)]

@@ -16,8 +16,9 @@ numerics = { shape = "NGP"; };
 species = ( { name = "e"; charge = -1.0; mass = 1.0; plasma_frequency = 1.0; particles = N; init_method = "quiet";
               perturbation = { mode = [MODE]; amplitude = 1e-4; }; } );
 """
-SCENES = [("32, 32", 16384, "1, 1"), ("32, 32", 1024, "1, 1"), ("20, 30", 2400, "0, 2"), ("18, 12", 1944, "-2, 1"),
-          ("64", 256, "1"), ("64", 192, "1"), ("60", 90, "3")]  # fmt: skip
+PLANES = [("32, 32", 16384, "1, 1"), ("32, 32", 1024, "1, 1"), ("20, 30", 2400, "0, 2"), ("18, 12", 1944, "-2, 1")]
+LINES = [("64", 256, "1"), ("64", 192, "1"), ("60", 90, "3")]  # kernels for these alone
+SCENES = PLANES + [pytest.param(*line, marks=pytest.mark.validation) for line in LINES]
 
 
 def seen_at_start(world, text, amplitude):
