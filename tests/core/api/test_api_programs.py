@@ -41,6 +41,7 @@ SMALLER = {
     "two_grains": ('"end_time": 1.5', '"end_time": 0.2'),
     "coarse_to_fine": ("COARSE, FINE = 32, 96", "COARSE, FINE = 12, 36"),
 }
+OTHERS = ("coarse_to_fine", "own_force", "own_loader", "own_scalar", "two_grains")  # in validation
 NAMES = sorted(path.stem for path in EXAMPLES.glob("*.py"))
 
 
@@ -89,7 +90,9 @@ def test_the_beam_of_the_example_grows_as_theory_says(ran):
 
 @pytest.mark.slow
 @pytest.mark.timeout(600)
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.validation] * (name in OTHERS)) for name in NAMES]
+)
 def test_examples_run(ran, name):
     """Where that takes long, for a shorter time or on a coarser mesh."""
     found = digests(ran, name, 1, whole=name not in SMALLER)

@@ -94,7 +94,8 @@ def test_snapshots_that_wait_are_in_the_files_when_a_checkpoint_is(toy):
         assert getattr(open_run(toy.folder / "a"), f"{name}_snapshots").steps.tolist() == list(range(201))
 
 
-@pytest.mark.parametrize("restart_ranks", [1, 3])
+# on more ranks: tests/core/cli/test_restart.py
+@pytest.mark.parametrize("restart_ranks", [1, pytest.param(3, marks=pytest.mark.validation)])
 def test_killed_in_mid_step_goes_on_to_the_same_state(toy, restart_ranks, temporary):
     done = run_with_fault(toy, "kill", step=110, words=("--checkpoint-every", "25"), env=temporary)
     assert done.returncode != 0
