@@ -192,11 +192,11 @@ def test_all_nodes_are_held_where_a_processor_has_no_masks(monkeypatch):
 
 
 @pytest.mark.mpi(min_size=2)
-@pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize(
-    ("lattice", "faces", "rule"),
-    [(D2Q9, None, None), (D3Q19, None, None), (D3Q19, THROUGH, "cli"), (D3Q19, None, "cli"), (D3Q19, ACROSS, "cli")],
-)
+    ("lattice", "faces", "rule", "threads"),
+    [(D2Q9, None, None, 1), (D3Q19, None, None, 2), (D3Q19, THROUGH, "cli", 1), (D3Q19, None, "cli", 2),
+     (D3Q19, ACROSS, "cli", 2)],
+)  # fmt: skip
 def test_ranks_do_not_show(world, lattice, faces, rule, threads):
     plain = porous(lattice, False, faces=faces, rule=rule)
     thin = porous(lattice, True, faces=faces, rule=rule, world=world, threads=threads)
