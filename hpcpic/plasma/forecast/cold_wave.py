@@ -24,20 +24,28 @@ from hpcpic.plasma.setup.macro_particles import macro_charge, macro_mass
 @dataclass(frozen=True, slots=True)
 class Aliases:
     """gain: of m (wp dx)^2/2 a particle until wp t = 400, whatever the speed u that the wave gives it, in wp dx, up to
-    FASTEST; it begins at wp t = onset/u, and is twice as much by 800.
+    FASTEST; it begins at wp t = onset/u, and is twice as much by 800. places: whether those of fewer than MANY_PLACES
+    in a cell along the wave gain more, as one over their root; not with TSC.
     """
 
     gain: float
     onset: float
+    places: bool = True
+
+    def of_places(self, number: float) -> float:
+        """The gain of so many places in a cell along the wave."""
+        return self.gain * (math.sqrt(max(MANY_PLACES / number, 1.0)) if self.places else 1.0)
 
 
+MANY_PLACES = 64.0  # those of the gains below
 # 1D, 64 points, 64 particles per cell at even places, wp dt = 0.2, waves of u = 0.02 to 3 and beams of 0.0003 to 0.1 of
-# the density: docs/measured/plasma.md.
+# the density; from 2 places in a cell on, and in 2D: docs/measured/plasma.md.
 ALIASES = {
     ("NGP", "difference"): Aliases(0.2, 5.0), ("CIC", "difference"): Aliases(0.02, 20.0),
-    ("TSC", "difference"): Aliases(0.0045, 40.0), ("NGP", "spectral"): Aliases(0.2, 5.0),
-    ("CIC", "spectral"): Aliases(0.06, 10.0), ("TSC", "spectral"): Aliases(0.05, 20.0),
+    ("TSC", "difference"): Aliases(0.0045, 40.0, places=False), ("NGP", "spectral"): Aliases(0.2, 5.0),
+    ("CIC", "spectral"): Aliases(0.06, 10.0), ("TSC", "spectral"): Aliases(0.05, 20.0, places=False),
 }  # fmt: skip
+LEAST_MOVED = 0.5  # of the distance from one place to the next: a wave that moves its particles by less was not heated
 FASTEST = 3.0  # wp dx: no heating of faster motions was seen
 # A cold plasma that drifts as a whole, at any speed, gains GAIN of cold_drift from this wp t on, whatever its wave.
 DRIFTING = {"NGP": 15.0, "CIC": 70.0, "TSC": 170.0}
@@ -56,10 +64,11 @@ NOISE = 0.1  # of the energy, that noise may have
 
 @dataclass(frozen=True, slots=True)
 class Moved:
-    """A speed that a wave gives a species, m/s, and from when on, s."""
+    """A speed that a wave gives a species, m/s, from when on, s, and whether the wave runs along the axis."""
 
     speed: float
     since: float
+    along: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +93,7 @@ def cold_wave(config: PlasmaConfig) -> Iterator[Derived]:
         if not found:
             continue
         worst = max(found, key=lambda one: one.growth)
-        finer = math.sqrt(worst.growth / TOLD) * (1 + 1e-9)
+        finer = (worst.growth / TOLD) ** (2 / 3) * (1 + 1e-9)  # as heat falls and places in a cell become fewer
         points = [math.ceil(n * finer) if n > MOST_WITHOUT_FIELD else n for n in config.points]
         ways = [f"grid.points = {points}"] if max(points) <= MOST_POINTS else []
         if numerics.gradient == "difference" and numerics.shape != "TSC":
@@ -112,21 +121,33 @@ def heated(config: PlasmaConfig, species: Species, axis: int) -> Iterator[Heated
     aliases, spectral = ALIASES[numerics.shape, numerics.gradient], numerics.gradient == "spectral"
     if not any(part.mean for part in parts):
         waves += tuple(by_beams(config, species, axis))
-        seen = [one.speed for one in waves if wp * (run - one.since) * one.speed > aliases.onset * cell]
-        speed = max((speed for speed in seen if speed < FASTEST * cell), default=0.0)
-        gains = [aliases.gain, ALIASES["TSC", "difference"].gain]
+        number = places(config, species)
+        least = LEAST_MOVED * cell / number
+        grown = (one for one in waves if wp * (run - one.since) * one.speed > aliases.onset * cell)
+        seen = [one for one in grown if least < one.speed < FASTEST * cell]
+        along = any(one.along for one in seen)
+        gains = [aliases.of_places(number if along else MANY_PLACES), ALIASES["TSC", "difference"].gain]
+        speed = max((one.speed for one in seen), default=0.0)
         energy, motion = wave_energy(config) + energy_of_motion(config), f"waves move it by {speed / cell:.2g} wp dx; "
-        motion += "measured in 1D until wp t = 400; up to five times it later, in 2D or on 32 points"
+        motion += "measured until wp t = 400; up to five times it later or on 32 points"
     else:
         begun = wp * run > DRIFTING[numerics.shape] * (SOONER if spectral else 1.0)
-        seen = [one.speed for one in waves] if begun and drifts_as_a_whole(config, axis) else []
-        speed = max(seen, default=0.0)
+        seen = list(waves) if begun and drifts_as_a_whole(config, axis) else []
         gains = [GAIN[numerics.shape] * (SPECTRAL if spectral else 1.0), GAIN["TSC"]]
+        speed = max((one.speed for one in seen), default=0.0)
         energy = wave_energy(config)
         motion = f"over the energy of its wave, which moves it by {speed / cell:.2g} wp dx; measured"
     if speed:
         growth, smoother = (gain * heat / energy for gain in gains)
         yield Heated(growth, smoother, motion)
+
+
+def places(config: PlasmaConfig, species: Species) -> float:
+    """Places of particles in a cell along each axis; infinity where they are drawn."""
+    if random_places(species):
+        return math.inf
+    axes = sum(n > MOST_WITHOUT_FIELD for n in config.points)
+    return ((species.particles or 0) / config.cells) ** (1 / axes)
 
 
 def noise_of_cold(config: PlasmaConfig) -> Iterator[Derived]:
@@ -170,7 +191,7 @@ def by_start(config: PlasmaConfig, species: Species, axis: int) -> Iterator[Move
         vector = [n / length for n, length in zip(mode, config.simulation.space_length)]
         along = abs(vector[axis]) / math.hypot(*vector) * field
         if wp := total_plasma_frequency(config):
-            yield Moved(abs(species.charge / species.mass) * along / wp, 0.0)
+            yield Moved(abs(species.charge / species.mass) * along / wp, 0.0, sum(map(bool, mode)) == 1)
 
 
 def started_fields(config: PlasmaConfig) -> dict[tuple[int, ...], float]:

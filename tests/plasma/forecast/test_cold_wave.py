@@ -23,6 +23,7 @@ species = ( { name = "e"; charge = -1.0; mass = 1.0; plasma_frequency = 1.0; par
             { name = "beam"; charge = -1.0; mass = 1.0; plasma_frequency = 0.0447; particles = 4096;
               init_method = "quiet"; drift_velocity = [1.0]; perturbation = { mode = [1]; amplitude = 1e-3; }; } );
 """
+FEW = "species[0].particles=256"  # 4 places in a cell, as 16 particles have along each axis in 2D
 
 
 def told(text, *sets):
@@ -36,10 +37,13 @@ def amplitude(ratio):
 
 @pytest.mark.parametrize("text, sets, least", [
     (WAVE, [amplitude(0.3)], 0.2), (WAVE, [amplitude(0.02)], None),
+    (WAVE, [amplitude(0.2), FEW], 2.0), (WAVE, [amplitude(0.1), FEW], None),
     (BEAM, [], 0.03), (BEAM, ["grid.points=[128]"], 0.01),
 ])  # fmt: skip
 def test_a_cold_plasma_that_waves_move_is_heated_as_told_within_a_factor_of_two(text, sets, least, world):
-    """By the rates of docs/measured/plasma.md; nothing is told of a wave so small that the run sees none of it."""
+    """By the rates of docs/measured/plasma.md; nothing is told of a wave so small that the run sees none of it, or
+    that it moves particles by less than half of the way to the next one.
+    """
     number = told(text, *sets)
     with running(world, "hpcpic", configure(loads(text, sets=sets))) as app:
         before = app.scalars()["energy_total"]
