@@ -23,6 +23,7 @@ from hpcpic.plasma.forecast.recurrence import recurrence
 from hpcpic.plasma.forecast.scales import (
     UNITS,
     charge_density,
+    driven,
     field_axes,
     particle_count,
     plasma_frequency,
@@ -146,7 +147,7 @@ def stability(config: PlasmaConfig) -> Iterator[Derived]:
         forceable=abs(mean * dt) * strength < 2, stable_below=2.0,
     )  # fmt: skip
     turn = fastest_turn(config) * abs(dt)
-    if 0 < (change := max(step, turn, crossing(config))) < LEAST_CHANGE:
+    if 0 < (change := max(step, turn, crossing(config))) < LEAST_CHANGE and not driven(config):
         yield idle_steps(change)
     if (period := config.periods["series"]) > 1 and step:
         yield sampling(math.pi / (step * period), period)
@@ -196,8 +197,9 @@ def resolution(config: PlasmaConfig) -> Iterator[Derived]:
     yield shielding(config, ratios, known)
     longest = max(1 / math.sqrt(k) / length for k, length in zip(inverse_sq, config.simulation.space_length) if k > 0)
     cure, key = f"no shielding in this box: the particles fly freely; {UNITS}", ("simulation", "space_length")
-    verdict, name = verdict_of(longest < 10), "Debye length in boxes"
-    yield judged(name, "lambda_D/L", longest, "< 10", verdict, f"{BOOK} ch. 1", cure, key)
+    limit, name = "" if driven(config) else "< 10", "Debye length in boxes"
+    verdict = verdict_of(longest < 10 or not limit)
+    yield judged(name, "lambda_D/L", longest, limit, verdict, f"{BOOK} ch. 1", cure, key)
     if known:
         yield heating(config)
     elif field_axes(config) == 1:
@@ -318,7 +320,8 @@ def waves(config: PlasmaConfig) -> Iterator[Derived]:
     wp, dt = total_plasma_frequency(config), abs(config.simulation.time_step)
     if wp:
         time, key = dt * config.simulation.cycles, ("simulation", "cycles")
-        limit, source = ("", "") if fastest_turn(config) * time >= 1 else ("> 0.16", "wp t > 1")
+        moved = fastest_turn(config) * time >= 1 or driven(config)
+        limit, source = ("", "") if moved else ("> 0.16", "wp t > 1")
         cure = f"the plasma does nothing in it: more cycles, a larger time_step; {UNITS}"
         swung = dense_frequency(config) * time
         verdict = verdict_of(swung >= 1 or not limit)

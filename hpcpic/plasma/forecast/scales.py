@@ -21,6 +21,11 @@ def plasma_frequency(config: PlasmaConfig, species: Species) -> float:
     return math.sqrt(density * species.charge * ratio / config.constants.vacuum_permittivity)
 
 
+def driven(config: PlasmaConfig) -> bool:
+    """Whether an acceleration of the user's own moves particles: the plasma may be so thin that it does not."""
+    return any(species.acceleration for species in config.species)
+
+
 def particle_count(config: PlasmaConfig) -> int:
     """Macro-particles of all species."""
     return sum(species.particles for species in config.species)

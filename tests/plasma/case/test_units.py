@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from app_runner import running
 
+from hpcpic.core.case.accelerations import ACCELERATIONS
 from hpcpic.core.case.config import loads
 from hpcpic.core.case.dump import dump
 from hpcpic.core.errors import ConfigError
@@ -232,3 +233,14 @@ def test_too_little_is_warned_of_like_too_much(sets, symbol):
 def test_a_plasma_that_only_gyrates_does_something():
     sets = ("simulation.cycles=10", "field.magnetic=[0.0, 0.0, 0.1]")  # wc dt = 0.18
     assert verdicts(*sets)["wp t/2pi"].verdict == "ok"
+
+
+def test_particles_that_a_force_of_ones_own_moves_may_be_too_few_for_a_plasma(monkeypatch):
+    """Tracers were told that they do nothing, and to look after their units."""
+    monkeypatch.setitem(ACCELERATIONS, "push", lambda x, v, t: (1.0, 0.0, 0.0))
+    sets = ("simulation.cycles=10", "simulation.space_length=[1e-7]", "simulation.time_step=1e-14")
+    alone, pushed = verdicts(*sets), verdicts(*sets, "species[0].acceleration=push")
+    for symbol in ("lambda_D/L", "wp t/2pi"):
+        assert alone[symbol].verdict == "warn" and pushed[symbol].verdict == "ok"
+    idle, short = "max(wp dt, wc dt, v dt/dx)", (*sets, "simulation.time_step=1e-25")
+    assert idle in verdicts(*short) and idle not in verdicts(*short, "species[0].acceleration=push")
