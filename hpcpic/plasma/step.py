@@ -8,13 +8,14 @@ from numpy.typing import NDArray
 
 from hpcpic.core.case import accelerations
 from hpcpic.core.comm.world import World
+from hpcpic.core.errors import Diverged
 from hpcpic.core.files.arrays import Column, Counts, FieldArray, ParticleArray, Rows, Shard
 from hpcpic.core.files.sealed import Reader
 from hpcpic.core.run.balance import Balance
 from hpcpic.core.run.gauges import Gauges
 from hpcpic.core.run.worst import worst_particles
 from hpcpic.core.space.domain import MAX_IMBALANCE, Domain, block_ranges
-from hpcpic.core.tasks.graph import Pool
+from hpcpic.core.tasks.graph import Pool, TaskError
 from hpcpic.core.timers import Timers
 from hpcpic.plasma.case.config import PlasmaConfig
 from hpcpic.plasma.diagnostics import scalars, snapshot
@@ -28,7 +29,7 @@ from hpcpic.plasma.field.mesh import SHIFT, Mesh
 from hpcpic.plasma.forecast.cuts import first_cuts, laying_out, row_costs
 from hpcpic.plasma.forecast.scales import total_plasma_frequency
 from hpcpic.plasma.particles.cloud import CHUNK, Cloud
-from hpcpic.plasma.particles.driven import driven_kernel
+from hpcpic.plasma.particles.driven import NOT_FINITE, driven_kernel
 from hpcpic.plasma.particles.push_spec import WHOLE_BITS, PushSpec, groups_of_charge
 from hpcpic.plasma.physics.species_fields import asked_for
 from hpcpic.plasma.setup.scene import Scene
@@ -143,7 +144,14 @@ class Plasma:
         if self._drives:
             self.cloud.arena["moment"][:] = time, self.time_step, steps
             self.cloud.arena["own"][:] = self._own[steps]
-            self.cloud.each(self._drives)
+            try:
+                self.cloud.each(self._drives)
+            except TaskError as error:
+                if error.code < NOT_FINITE:
+                    raise
+                species = self.scene.species[error.code - NOT_FINITE].section
+                told = f"the acceleration {species.acceleration!r} of {species.name} is not a finite number"
+                raise Diverged(f"{told} at t = {time:.6g} s") from error
 
     def solve(self) -> None:
         """E^n from rho^n (5.10), (5.13), unless it is known."""

@@ -8,8 +8,10 @@ from types import ModuleType
 import numpy as np
 
 from hpcpic.core.simd.compile import njit
-from hpcpic.plasma.kernels.storage import PAGE
-from hpcpic.plasma.particles.own_acceleration import own_acceleration, turned
+from hpcpic.plasma.kernels.storage import GOOD, PAGE
+from hpcpic.plasma.particles.own_acceleration import own_acceleration, size, turned
+
+NOT_FINITE = 16  # and the number of the species: what a task returns whose acceleration is no finite number
 
 
 def driven_kernel(
@@ -47,9 +49,12 @@ def driven_kernel(
                     for k in range(components):
                         u[k] = (v[k] + steps * (centred[k] - v[k])) * (dx[k] / dt)
                     a = settled((x[0], x[1], x[2]), turned(mean, u), share, t, dt, steps < 0.0)
+                    if not size(a) < np.inf:
+                        return NOT_FINITE + species
                     pushed = turned(to_turn, a)
                     for k in range(components):
                         pool[page, pack, d + k, lane] += pushed[k] * dt * dt / dx[k]
                 page, used = np.int64(pages.chain[page]), PAGE
+        return GOOD
 
     return driven

@@ -1,5 +1,7 @@
 """Accelerations of one's own, beside the uniform electric field that gives the same one."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -67,6 +69,10 @@ def dragging(x, v, t):
     return -0.4 * v[0], -0.4 * v[1], -0.4 * v[2]
 
 
+def dragging_until_a_second(x, v, t):
+    return -0.4 * v[0], -math.sqrt(0.95 - t), 0.0
+
+
 def test_a_magnetic_force_of_ones_own_is_that_of_the_field_to_rounding(monkeypatch):
     """At wc dt = 6, beside another field and across an electric one, as the velocity that it sees is the mean of both
     sides of the turn; by that of half a step before it heated.
@@ -90,3 +96,11 @@ def test_a_drag_of_ones_own_is_of_second_order(monkeypatch):
     _, v, _ = tracer({"magnetic": [0.0, 0.0, 2.0]}, 2, start, {"acceleration": "dragging"}, 20, DT)
     left = abs(((1 + z) / (1 - z)) ** 20 * (1 - z / 2) / (1 + z / 2))
     assert np.linalg.norm(v) / np.hypot(0.5, 0.25) == pytest.approx(left, rel=1e-4)
+
+
+def test_an_acceleration_that_is_no_number_is_named_with_its_species(monkeypatch):
+    """It was a position that is not a number."""
+    monkeypatch.setitem(accelerations.ACCELERATIONS, "dragging", dragging_until_a_second)
+    start = {"position": [[5.0, 5.0]], "velocity": [[0.5, 0.25]]}
+    with pytest.raises(hpcpic.Diverged, match="the acceleration 'dragging' of p is not a finite number at t = 1 s"):
+        tracer({"magnetic": [0.0, 0.0, 2.0]}, 2, start, {"acceleration": "dragging"}, 20, DT)
