@@ -77,7 +77,8 @@ class Fluid(Section):
     gas: bool = setting(False, "air beside liquids: p + p_a = p_a (rho/density)^1.4, p_a = eos.ambient_pressure")
     initial_pressure: Literal["zero", "hydrostatic", "flow"] = setting(
         "hydrostatic",
-        "at t = 0: none, as in a drop that falls, that of rest under gravity, or the one that goes with `flow`",
+        "at t = 0: none, as in a drop that falls, that of rest (under gravity, else that of the outlets), or the one "
+        "that goes with `flow`",
     )
     surface: float | None = setting(
         None, "hydrostatic: height of the free surface; by default the top of the shape", "m"

@@ -12,11 +12,13 @@ from sph.particles.rigid.bodies import Bodies
 from sph.particles.tasks import Tasks
 from sph.particles.walls import Walls
 from sph.physics.timestep import Clock
+from sph.physics.waves import shift_decay
 
 
 class Evolution:
     """`motion`: the kernels of that name; `evaluations`: of pair sums so far (see physics.integrators.Evolving);
-    `speed`: the largest, m/s, by which particles are shifted away from where they are crowded.
+    `speed`: the largest, m/s, by which particles are shifted away from where they are crowded, as far as in a step none
+    overshoots.
     """
 
     def __init__(
@@ -28,6 +30,9 @@ class Evolution:
         self.bodies: Bodies | None = None
         self.openings: Openings | None = None
         self.driven: list[Callable] = []  # kernels of accelerations of the user's own
+        numerics, d = walls.scene.config.numerics, walls.scene.dimensions
+        overshoot = shift_decay(numerics.kernel, d, numerics.smoothing) if sums.spec.shifting else 1.0
+        self._shift_reach = walls.scene.config.h / overshoot  # m in a step
 
     def evaluate(self, start: bool = False) -> None:
         """Find a and D = d rho / dt of the present y; `start`: it is y^n, whose rates may be known. Collective."""
@@ -77,7 +82,7 @@ class Evolution:
         if self.sums.spec.shifting:
             if self.openings:
                 self.openings.still()
-            self._update(self.motion.set_off, self.speed)
+            self._update(self.motion.set_off, min(self.speed, self._shift_reach / self.clock.time_step))
 
     def forget_rates(self) -> None:
         """The rates of y^n are not known any more."""

@@ -45,8 +45,13 @@ def depth(scene: Liquid, fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
 
 
 def hydrostatic(scene: Liquid, fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
-    """rho - rho0 of the reference liquid, kg/m3, at the pressure of rest[n]."""
+    """rho - rho0 of the reference liquid, kg/m3, at the pressure of rest[n]: under gravity that of what lies over a
+    point, else the mean one of the outlets.
+    """
     g = math.hypot(*scene.gravity)
+    if not g and scene.config.outlet:
+        mean = float(np.mean([outlet.pressure for outlet in scene.config.outlet]))
+        return scene.eos.excess(np.full(len(x), mean))
     own = g * np.maximum(depth(scene, fluid, x), 0.0) / scene.liquids.lightness(fluid)
     return scene.eos.excess_at_head(load(scene, fluid, x) + own)
 
