@@ -14,7 +14,7 @@ from lbmdem.case.config import ACCURATE, GrainSet, LbmDemConfig, contact_law, co
 from lbmdem.forecast.estimate import phases
 from lbmdem.forecast.films import expected_substeps, films
 from lbmdem.forecast.free_fall import impact_speed
-from lbmdem.forecast.piles import heap, layers_at_rest, standing, weight_in_fluid
+from lbmdem.forecast.piles import denseness, heap, layers_at_rest, standing, weight_in_fluid
 from lbmdem.forecast.rates import DEFAULT
 from lbmdem.setup.overlap_survey import survey
 
@@ -24,6 +24,7 @@ MAX_SUBSTEPS = 100_000
 CHAINS = 4.0  # times the mean overlap below a bed: its deepest, measured 2.5 (equal discs) to 3.8 (1 : 1.5)
 PILE = 2.0  # layers of grains, from which on they lie on each other
 UNEVEN = 1.25  # times the mean weight on a floor: from there on it is a pile's; in even beds columns of up to 1.16 are
+DENSE = 0.7  # of the density of a bed that has settled: layers as dense land as one, looser ones grain by grain
 REBOUND = 10.0  # Stokes number rho_s v D/(9 mu) up to which a film brings a grain to rest
 WAYS = 5  # along each axis, of a lattice of directions
 
@@ -121,8 +122,10 @@ def overlaps(config: LbmDemConfig) -> Iterator[Derived]:
 
 def overlaps_of_falls(config: LbmDemConfig) -> list[tuple[float, str]]:
     """The overlap of each set, over the diameter, with which its largest grain meets what is below, a wall or a grain
-    that stays, and which speed that is of; 0 of grains that stay, and of those that a film brings to rest."""
-    found, law = [], contact_law(config)
+    that stays, and which speed that is of; 0 of grains that stay, and of those that a film brings to rest. Of dense
+    layers that land each stops the next, and their dashpots take up little: the overlap is that without damping.
+    """
+    found = []
     for i, group in enumerate(config.grains):
         speed = float(rebounding(config, group, np.array(impact_speed(config, i)))) if group.moving else 0.0
         at_start = float(np.linalg.norm(group.at_start("velocity"), axis=1).max(initial=0.0))
@@ -130,7 +133,9 @@ def overlaps_of_falls(config: LbmDemConfig) -> list[tuple[float, str]]:
         if config.fluid:
             what = "speed at the start" if speed == at_start else "fall, up to its terminal speed"
             how = f"its {what}, {speed:.3g} m/s, at most"
-        size = group.largest_diameter
+        size, law = group.largest_diameter, contact_law(config)
+        if speed and group.count > 1 and any(config.gravity) and not config.fluid and denseness(config, group) >= DENSE:
+            law, how = law._replace(damping=0.0), f"{how}, of dense layers, undamped"
         found.append((deepest_overlap(speed, grain_mass(group, size, config.dimensions), law) / size, how))
     return found
 

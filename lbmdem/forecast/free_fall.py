@@ -10,7 +10,7 @@ from hpcpic.core.case.derived import Derived, judged
 from hpcpic.core.space.products import product
 from lbmdem.case.config import AXES, GrainSet, LbmDemConfig
 from lbmdem.forecast.node_shares import grains, volume
-from lbmdem.forecast.piles import lies, standing, weight_in_fluid
+from lbmdem.forecast.piles import filled, lies, sinks, standing, weight_in_fluid
 from lbmdem.forecast.relaxation import SPACING, key_of_tau, other_collision, slower
 from lbmdem.physics.collision import COLLISIONS
 from lbmdem.physics.velocity_sets import CS2
@@ -93,9 +93,10 @@ def ergun(config: LbmDemConfig, c: float, sphere: float) -> tuple[float, float]:
 
 def impact_speed(config: LbmDemConfig, i: int) -> float:
     """Speed (m/s) at which a grain of a set meets what is below: that of its start and of its fall, in a fluid the
-    larger of its start's and its terminal one at most. The highest of given positions falls to the wall or a plane, the
-    lowest where they lie on each other all over the floor; the lowest of a packing to what lies below. Who falls longer
-    than the run meets nothing in it. Without fluid a shaken frame throws what falls, or what its weight does not hold.
+    larger of its start's and its terminal one at most. A grain falls to the wall or a plane, less what those of its set
+    below it fill of the floor once they have settled, but at least as far as the lowest. A packing falls to what lies
+    below, and without fluid, which would brake it, its top on as it settles. Who falls longer than the run meets
+    nothing in it. Without fluid a shaken frame throws what falls, or what its weight does not hold.
     """
     group, pull = config.grains[i], math.hypot(*config.gravity)
     below = [k for k, g in enumerate(config.gravity) if abs(g) > 0.5 * pull and AXES[k] not in config.domain.periodic]
@@ -106,12 +107,14 @@ def impact_speed(config: LbmDemConfig, i: int) -> float:
     axis, last = below[0], config.dimensions - 1
     down = config.gravity[axis] < 0.0
     if group.packing is not None:
-        heights = np.array([group.packing.low - landing(config, group) if down and axis == last else 0.0])
+        fall = group.packing.low - landing(config, group) + (0.0 if config.fluid else sinks(config, group))
+        heights = np.array([fall if down and axis == last else 0.0])
     else:
         x, radius = np.asarray(group.centres), 0.5 * group.smallest_diameter
         heights = (x[:, axis] if down else config.domain.size[axis] - x[:, axis]) - radius
         heights = np.minimum(heights, above_planes(config, x, radius))
-        heights = np.where(lies(config, group), heights.min(), heights)
+        below_it = math.inf if lies(config, group) else filled(config, group, axis, x[:, axis] if down else -x[:, axis])
+        heights = np.maximum(heights - below_it, heights.min())
     end = config.simulation.end_time
     met = (heights > 0.0) & (heights <= speeds * end + 0.5 * pull * end**2)
     falls = np.sqrt(2.0 * pull * np.where(met, heights, 0.0))

@@ -116,11 +116,34 @@ def span(config: LbmDemConfig, group: GrainSet, k: int) -> Bed:
     return Bed(solid, surface, low, high)
 
 
-def lies(config: LbmDemConfig, group: GrainSet) -> bool:
-    """Whether grains are at rest on each other at the start, as settled or placed as dense."""
+def denseness(config: LbmDemConfig, group: GrainSet) -> float:
+    """Solid fraction of a set at the start, between its lowest and its highest grain, over that of one that settles."""
+    loose = LOOSE[config.dimensions]
     if group.packing is not None:
-        return group.packing.porosity is None or group.packing.porosity <= LOOSE[config.dimensions]
+        return (1.0 - (group.packing.porosity or loose)) / (1.0 - loose)
     down = int(np.argmax(np.abs(config.gravity)))
     bed = span(config, group, down)
     room = math.prod(config.domain.size) / config.domain.size[down] * max(bed.high - bed.low, 1e-300)
-    return group.count > 1 and 1.0 - bed.solid / room <= LOOSE[config.dimensions]
+    return bed.solid / room / (1.0 - loose)
+
+
+def lies(config: LbmDemConfig, group: GrainSet) -> bool:
+    """Whether grains are at rest on each other at the start, as settled or placed as dense."""
+    return (group.packing is not None or group.count > 1) and denseness(config, group) >= 1.0
+
+
+def filled(config: LbmDemConfig, group: GrainSet, axis: int, height: NDArray) -> NDArray[np.float64]:
+    """How high (m) [n] the grains of a set at given positions that are lower than each of its grains lie on the floor
+    across an axis once they have settled on all of it; height[n]: of their centres, m."""
+    d, order = config.dimensions, np.argsort(height, kind="stable")
+    floor = math.prod(config.domain.size) / config.domain.size[axis]
+    volumes = math.pi * sized(config, group)[1][order] ** d * (1.0 if d == 2 else 4.0 / 3.0)
+    found = np.empty(len(height))
+    found[order] = np.cumsum(volumes) - volumes
+    return found / floor / (1.0 - LOOSE[d])
+
+
+def sinks(config: LbmDemConfig, group: GrainSet) -> float:
+    """How far (m) the top of a packing falls as the loose grains below it settle; 0 where they are at rest."""
+    bed = span(config, group, config.dimensions - 1)
+    return (bed.high - bed.low) * max(0.0, 1.0 - denseness(config, group))

@@ -353,13 +353,14 @@ def test_a_packing_falls_through_the_hole_of_a_hopper(missing):
     told = number(text, "overlap at impact")
     assert (number(text, "weight of grains_1 on its floor") is None) == bool(missing)  # no silo with an open floor
     if not missing:
-        assert told.value < 0.03  # a fall of 0.24e-3 onto two of them
+        assert told.value < 0.06  # a fall of 0.24e-3 onto two of them, and 0.66e-3 of its top as it settles
         return
-    config = config_of(text)
-    speed = math.sqrt(2.0 * 9.81 * 0.0406)
-    mass = 2650.0 * math.pi / 4.0 * 1.1e-3**2
+    law = contact_law(config_of(text))._replace(damping=0.0)
+    top = next(one for one in derived(config_of(text)) if one.name == "top of grains_1").value
+    speed = math.sqrt(2.0 * 9.81 * (0.0406 + (top - 0.0406) * (1.0 - 0.75 / 0.8)))
     assert told.verdict == "fail"
-    assert told.value == pytest.approx(deepest_overlap(speed, mass, contact_law(config)) / 1.1e-3, rel=1e-12)
+    mass = 2650.0 * math.pi / 4.0 * 1.1e-3**2
+    assert told.value == pytest.approx(deepest_overlap(speed, mass, law) / 1.1e-3, rel=1e-6)
 
 
 CHANNEL = """

@@ -96,14 +96,46 @@ def test_a_stack_that_runs_overlaps_as_told(world):
         assert app.scalars()["overlap"] == pytest.approx(told(text).value, rel=0.01)
 
 
-def test_grains_of_a_bed_fall_no_further_than_its_lowest_and_those_of_a_column_from_its_top():
-    """A bed at rest between walls was refused for a fall from its top; a column in a wider box does collapse."""
+def test_grains_of_a_bed_fall_no_further_than_its_lowest_and_those_of_a_column_onto_what_it_leaves():
+    """A bed at rest between walls was refused for a fall from its top; a column in a wider box does collapse, onto the
+    layer that the rows below its top make of the floor. Layers as dense land undamped."""
     places, name = hexagonal(10, 20), "overlap at impact"
-    assert told(dry(places, wide=0.0105), name) is None
-    column = told(dry(places, wide=0.03), name)
-    fall = math.sqrt(2.0 * 9.81 * (max(y for _, y in places) - 5e-4))
     law, mass = contact_law(configure(loads(dry(places)))), 2500.0 * math.pi / 4.0 * 1e-6
-    assert column.value == pytest.approx(deepest_overlap(fall, mass, law) / 1e-3, rel=1e-9)
-    lifted, fall = [[x, y + 5e-3] for x, y in places], math.sqrt(2.0 * 9.81 * 5e-3)
-    lands = told(dry(lifted, wide=0.0105), name)
-    assert lands.value == pytest.approx(deepest_overlap(fall, mass, law) / 1e-3, rel=1e-9)
+
+    def deep(fall, law=law):
+        return pytest.approx(deepest_overlap(math.sqrt(2.0 * 9.81 * fall), mass, law) / 1e-3, rel=1e-9)
+
+    assert told(dry(places, wide=0.0105), name) is None
+    left = 190 * math.pi / 4.0 * 1e-6 / 0.8 / 0.03
+    assert told(dry(places, wide=0.03), name).value == deep(max(y for _, y in places) - 5e-4 - left)
+    lifted = [[x, y + 5e-3] for x, y in places]
+    assert told(dry(lifted, wide=0.0105), name).value == deep(5e-3, law._replace(damping=0.0))
+
+
+LOOSE = "diameters = { min = 0.9e-3; max = 1.1e-3; count = 20; }; packing = { porosity = 0.8; }"
+
+
+def test_a_loose_packing_lands_less_deep_than_told(world):
+    """Its top falls on while those below it settle, which was told as no fall at all."""
+    text = dry([]).replace("diameter = 1.0e-3; position = ()", LOOSE)
+    text = text.replace("0.03", "0.0105").replace("4000.0", "1.0e5")
+    assert 0.5 < landing(world, text, 0.05) / told(text, "overlap at impact").value < 1.0
+
+
+def test_layers_that_land_overlap_as_if_undamped(world):
+    """Each stops the next, and their dashpots take up little: deeper than a lone grain with them."""
+    text = dry([[x, 1.05 * y + 5e-3] for x, y in hexagonal(10, 8)], 0.0107).replace("4000.0;", "1.0e5; damping = 0.5;")
+    bound, config = told(text, "overlap at impact").value, configure(loads(text))
+    alone = deepest_overlap(math.sqrt(2.0 * 9.81 * 5e-3), 2500.0 * math.pi / 4.0 * 1e-6, contact_law(config)) / 1e-3
+    assert alone < landing(world, text, 0.045) < bound < 2.0 * alone
+
+
+def landing(world, text, end):
+    """The deepest overlap until a time (s)."""
+    deepest = 0.0
+    with running(world, "lbmdem", text) as app:
+        while app.time < end:
+            for _ in range(20):
+                app.step()
+            deepest = max(deepest, app.scalars()["overlap"])
+    return deepest
