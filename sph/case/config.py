@@ -9,7 +9,7 @@ from typing import ClassVar, Literal
 
 from hpcpic.core.case.accelerations import MEANING
 from hpcpic.core.case.config import Tree
-from hpcpic.core.case.schema import REQUIRED, Section, Vector, matching, setting
+from hpcpic.core.case.schema import REQUIRED, Filled, Section, Vector, matching, setting
 from hpcpic.core.case.words import one_of, one_period, one_viscosity
 from hpcpic.core.files.start import Start, attach, attach_arrays, attached_arrays
 from sph.case.bodies import Body, Names
@@ -27,7 +27,7 @@ AXES = ("x", "y", "z")
 
 
 class Simulation(Section):
-    dimensions: Literal[2, 3] = setting(REQUIRED, "2 or 3")
+    dimensions: Filled[Literal[2, 3]] = setting(None, "2 or 3; by default as many as the corners of shapes have")
     end_time: float = setting(REQUIRED, "physical time to reach", "s", ge=0)
     integrator: Integrator = setting(
         "symplectic",
@@ -297,7 +297,9 @@ class SphConfig(Section):
 
     @property
     def dimensions(self) -> int:
-        return self.simulation.dimensions
+        """Those that the case gives, else those of its first shape."""
+        given = (shape.dimensions for shape in shapes_of(self))
+        return self.simulation.dimensions or next((d for d in given if d in (2, 3)), 2)
 
     @property
     def h(self) -> float:

@@ -49,3 +49,10 @@ class Shape(Section):
     def kind(self) -> str:
         given = [name for name in type(self).model_fields if getattr(self, name) is not None]
         return given[0] if len(given) == 1 else ""
+
+    @property
+    def dimensions(self) -> int:
+        """Components of its points; 0 where it has none."""
+        points = self.box and self.box.low, self.sphere and self.sphere.centre, self.cylinder and self.cylinder.base
+        found = (*points, self.polygon and (0.0, 0.0), self.plane and self.plane.point, self.stl and (0.0,) * 3)
+        return next((len(point) for point in found if point), 0)

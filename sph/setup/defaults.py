@@ -24,6 +24,7 @@ def completed(config: SphConfig) -> SphConfig:
     zeros = (0.0,) * d
     config = config.model_copy(
         update={
+            "simulation": config.simulation.model_copy(update={"dimensions": d}),
             "gravity": config.gravity or zeros,
             "body_force": config.body_force or zeros,
             "fluid": tuple(named("fluid", i, _fluid(fluid, d)) for i, fluid in enumerate(config.fluid)),

@@ -2,6 +2,7 @@
 
 import pytest
 
+import sph
 from hpcpic.core.case.cases import read_header
 from hpcpic.core.case.config import load, loads
 from hpcpic.core.case.dump import dump
@@ -46,6 +47,23 @@ def test_what_is_not_given_follows_from_what_is():
     assert (numerics.density_flux, numerics.flux_coefficient) == ("delta", 0.1)
     assert (numerics.viscosity_form, numerics.artificial_viscosity) == ("artificial", 0.02)
     assert 0.5 < config.simulation.cfl < 1.1
+
+
+@pytest.mark.parametrize(
+    ("shape", "d"),
+    [
+        ({"box": {"low": [0.0, 0.0, 0.0], "high": [1.0, 1.0, 0.5]}}, 3),
+        ({"polygon": {"corners": [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]}}, 2),
+        ({"sphere": {"centre": [0.0, 0.0], "radius": 0.5}}, 2),
+        ({"cylinder": {"base": [0.0, 0.0, 0.0], "top": [0.0, 0.0, 1.0], "radius": 0.5}}, 3),
+    ],
+)
+def test_a_scene_has_the_dimensions_of_its_shapes(shape, d):
+    fluid = [{"shape": shape}]
+    case = sph.Case(simulation={"end_time": 1.0}, fluid=fluid, numerics={"spacing": 0.1}, eos={"sound_speed": 10.0})
+    assert case.config.simulation.dimensions == d
+    with pytest.raises(ConfigError, match=r"fluid\[0\].shape"):
+        case.changed({"simulation.dimensions": 5 - d}).check()
 
 
 @pytest.mark.parametrize(
