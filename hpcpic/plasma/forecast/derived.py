@@ -32,6 +32,7 @@ from hpcpic.plasma.forecast.scales import (
     thermal_velocities,
     total_plasma_frequency,
 )
+from hpcpic.plasma.forecast.trapping import trapping
 from hpcpic.plasma.forecast.turning import MOST_WAVE, WIDER, fastest_turn, stronger_across, turn_across_grid, turning
 from hpcpic.plasma.physics.heating import HEATING, MIN_PER_CELL, energy_ratio, rates_across
 from hpcpic.plasma.physics.poisson import operator_of, response
@@ -71,6 +72,7 @@ def derived(config: PlasmaConfig, ranks: int = 1) -> list[Derived]:
         *motion(config),
         *waves(config),
         *recurrence(config),
+        *trapping(config),
         *sizes(config),
         *counts(config),
         *blocks(config, ranks),

@@ -1,0 +1,48 @@
+"""Landau damping against trapping: a wave so large that its trough holds particles is not damped as a small one."""
+
+import math
+from collections.abc import Iterator
+
+from hpcpic.core.case.derived import Derived
+from hpcpic.plasma.case.config import Equation, PlasmaConfig
+from hpcpic.plasma.forecast.cold_wave import started_fields
+from hpcpic.plasma.forecast.scales import plasma_frequency, total_plasma_frequency
+from hpcpic.plasma.setup.loaders import loader_of
+
+ALONE = 0.99  # of the squared plasma frequency of all, that of the species that carries the wave
+DAMPED = 0.24, 0.6  # k lambda_D: below it a plasma period takes less than 1 % of a wave, beyond it it is no wave
+# Powers of q = (k lambda_D)^2 in ln(gamma/wp (k lambda_D)^3) + 1/(2 q), which Landau's weak damping has as ln
+# sqrt(pi/8) - 3/2; fitted to roots of the dispersion relation in DAMPED, within 4 %.
+LANDAU = (-1.8222, -11.9069, 68.339, -91.273)
+
+
+def trapping(config: PlasmaConfig) -> Iterator[Derived]:
+    """The bounce frequency of particles in each wave that the case starts over Landau's rate, of one warm species at
+    rest. A standing wave is two running ones of half the field. Not told in a magnetic field, nor of another field
+    equation.
+    """
+    total = total_plasma_frequency(config)
+    if not total or any(config.field.magnetic) or config.field.equation != Equation():
+        return
+    species = max(config.species, key=lambda one: plasma_frequency(config, one))
+    wp = plasma_frequency(config, species)
+    if wp**2 < ALONE * total**2:
+        return
+    for mode, field in started_fields(config).items():
+        vector = [2 * math.pi * n / length for n, length in zip(mode, config.simulation.space_length)]
+        k = math.hypot(*vector)
+        found = [loader_of(species).populations(species, axis) for axis, component in enumerate(vector) if component]
+        spreads = {part.spread for parts in found for part in parts}
+        if len(spreads) > 1 or any(part.mean for parts in found for part in parts):
+            continue
+        ratio = k * spreads.pop() / wp
+        if not DAMPED[0] <= ratio <= DAMPED[1]:
+            continue
+        powers = sum(factor * ratio ** (2 * n) for n, factor in enumerate(LANDAU))
+        rate = wp / ratio**3 * math.exp(powers - 0.5 / ratio**2)
+        bounce = math.sqrt(abs(species.charge / species.mass) * k * field / 2)
+        yield Derived(
+            f"bounce of {species.name} in the wave over its damping", "wB/gamma", bounce / rate,
+            source=f"O'Neil 1965: above 1 damping is not Landau's and ends by 2 pi/wB = {2 * math.pi / bounce:.3g} s"
+            if bounce else "",
+        )  # fmt: skip
