@@ -21,6 +21,7 @@ SMALL_CHANGE = 1e-7  # of a velocity, for the Jacobian of a place
 STALLED = 0.99  # of what was missing: more than this of it is left by a step that a jump cuts down
 MOST_STALLS = 2  # steps that were cut down so
 
+
 @njit(cache=False)
 def turned(m, v):
     return (
