@@ -278,7 +278,8 @@ class Simulation:
         self._meet(f"fields({name!r})")
         found = self.model.fields()
         if name not in found:
-            raise ConfigError(f"no field {name!r}; there are {', '.join(found) or 'none'}")
+            there = f"there are {', '.join(found)}" if found else "there are none here, but particles()"
+            raise ConfigError(f"no field {name!r}; {there}")
         domain, field = self.model.domain, found[name]
         values = self._everywhere(np.ascontiguousarray(field.values))
         first = [domain.offset * step for step in domain.spacing]
