@@ -378,6 +378,14 @@ def openings(config: SphConfig, scene: Scene) -> Iterator[Derived]:
                      ok=came <= room, source="room in the domain", key=("inlet",),
                      cure="an outlet, domain.outflow, or a shorter run")  # fmt: skip
     for i, outlet in enumerate(config.outlet):
+        dense = float(scene.eos.excess(outlet.pressure)) / scene.rho0
+        verdict = "ok" if dense <= DENSE else "warn" if dense <= DENSER else "fail"
+        if outlet.pressure:
+            needed = math.sqrt(outlet.pressure / scene.rho0 / DENSE)
+            yield Derived(f"density at the pressure of {outlet.name}", "rho/rho0 - 1", dense, "",
+                          f"< {DENSE:g}; {DENSER:g} at most", verdict, "equation of state",
+                          f"sound_speed = {needed:.3g}" if verdict != "ok" else "", ("eos", "sound_speed"),
+                          dense < MAX_DENSITY_ERROR)  # fmt: skip
         dynamic = scene.rho0 * speed_scale(config) ** 2
         if outlet.level is None and dynamic and any(wall.solid for wall in config.wall):
             part = outlet.pressure / dynamic

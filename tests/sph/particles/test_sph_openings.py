@@ -275,6 +275,19 @@ def test_check_tells_the_drag_that_the_pressure_of_an_outlet_makes(smoothing, pr
     assert line.verdict == verdict and bool(line.cure) == (verdict == "warn")
 
 
+@pytest.mark.parametrize(("pressure", "verdict"), [(1000.0, "ok"), (5000.0, "warn"), (20000.0, "fail")])
+def test_check_tells_how_much_the_pressure_of_an_outlet_compresses(pressure, verdict):
+    """rho0 c0^2 is 1e5 Pa: the cure it names is accepted."""
+    sides = f"{WALLS} {inlet()} {outlet(f'pressure = {pressure};')}"
+    name = "density at the pressure of outlet_1"
+    (line,) = (one for one in derived(config(text(**(FLOW | {"more": sides})))) if one.name == name)
+    assert line.verdict == verdict and line.value == pytest.approx((1 + 7e-5 * pressure) ** (1 / 7) - 1)
+    if line.cure:
+        stiff = FLOW | {"more": sides, "sound": float(line.cure.split()[-1])}
+        (line,) = (one for one in derived(config(text(**stiff))) if one.name == name)
+        assert line.verdict == "ok"
+
+
 def test_a_stream_in_space_against_an_axis_stays_uniform():
     box, high = [0.3, 0.3, 0.8], [0.3, 0.3, 0.15]
     walls = f"""wall = ( {{ shape = {{ box = {{ low = [0.0, 0.0, 0.0]; high = {box}; open = ["z-", "z+", "x-", "x+"];
