@@ -36,13 +36,12 @@ def trapping(config: PlasmaConfig) -> Iterator[Derived]:
         if len(spreads) > 1 or any(part.mean for parts in found for part in parts):
             continue
         ratio = k * spreads.pop() / wp
-        if not DAMPED[0] <= ratio <= DAMPED[1]:
+        if not field or not DAMPED[0] <= ratio <= DAMPED[1]:
             continue
         powers = sum(factor * ratio ** (2 * n) for n, factor in enumerate(LANDAU))
         rate = wp / ratio**3 * math.exp(powers - 0.5 / ratio**2)
         bounce = math.sqrt(abs(species.charge / species.mass) * k * field / 2)
         yield Derived(
             f"bounce of {species.name} in the wave over its damping", "wB/gamma", bounce / rate,
-            source=f"O'Neil 1965: above 1 damping is not Landau's and ends by 2 pi/wB = {2 * math.pi / bounce:.3g} s"
-            if bounce else "",
+            source=f"O'Neil 1965: above 1 damping is not Landau's and ends by 2 pi/wB = {2 * math.pi / bounce:.3g} s",
         )  # fmt: skip

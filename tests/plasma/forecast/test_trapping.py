@@ -29,7 +29,7 @@ def test_the_bounce_of_trapped_particles_is_told_over_the_damping_of_the_root(ra
 
 @pytest.mark.parametrize("setting", [
     "species[0].thermal_velocity=0.2", "species[0].thermal_velocity=2.0", "species[0].drift_velocity=[1.0]",
-    "field.magnetic=[0, 0, 1]", "field.equation.c=-1",
+    "field.magnetic=[0, 0, 1]", "field.equation.c=-1", "species[0].perturbation.amplitude=0.0",
 ])  # fmt: skip
 def test_what_landau_does_not_damp_alone_is_not_told(setting):
     assert told(setting) is None
