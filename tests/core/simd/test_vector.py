@@ -22,6 +22,15 @@ WIDTHS = [2, 4, 8, 16]
 FEATURES = binding.get_host_cpu_features()
 
 
+def in_widths(*dtypes):
+    """Each type in all widths, by default in the least and in that of a register."""
+    return [
+        pytest.param(dtype, n, marks=[] if n in (2, 64 // np.dtype(dtype).itemsize) else pytest.mark.validation)
+        for dtype in dtypes
+        for n in WIDTHS
+    ]
+
+
 def kernels(text, n, dtype="float64"):
     return module_from_source(HEADER.format(n=n, dtype=dtype) + text, "vector_test")
 
@@ -83,8 +92,7 @@ def apply(a, b, out):
 """
 
 
-@pytest.mark.parametrize("n", WIDTHS)
-@pytest.mark.parametrize("dtype", ["float64", "float32"])
+@pytest.mark.parametrize("dtype, n", in_widths("float64", "float32"))
 def test_operations_have_the_bits_of_numpy(dtype, n):
     a, b = specials(dtype)
     out = np.zeros((17, a.size), dtype)
@@ -143,8 +151,7 @@ def apply(a, b, out):
 """
 
 
-@pytest.mark.parametrize("n", WIDTHS)
-@pytest.mark.parametrize("dtype", ["int64", "int32"])
+@pytest.mark.parametrize("dtype, n", in_widths("int64", "int32"))
 def test_integers_wrap_as_in_numpy(dtype, n):
     info = np.iinfo(dtype)
     a, b = np.random.default_rng(1).integers(info.min, info.max, (2, 64), dtype, endpoint=True)
@@ -207,8 +214,7 @@ def ends(bits):
 """
 
 
-@pytest.mark.parametrize("n", WIDTHS)
-@pytest.mark.parametrize("dtype", ["float64", "float32"])
+@pytest.mark.parametrize("dtype, n", in_widths("float64", "float32"))
 def test_bits_of_a_mask_are_its_lanes(dtype, n):
     a = np.random.default_rng(4).random(64).astype(dtype)
     out = np.zeros(64, np.int64)
@@ -429,8 +435,7 @@ def f(x):
 """
 
 
-@pytest.mark.parametrize("n", WIDTHS)
-@pytest.mark.parametrize("dtype", ["float64", "float32", "int32", "int64"])
+@pytest.mark.parametrize("dtype, n", in_widths("float64", "float32", "int32", "int64"))
 def test_the_least_and_the_largest_lane(dtype, n):
     module, rng = kernels(EXTREMES, n, dtype), np.random.default_rng(2)
     for k in range(n):  # in any lane
