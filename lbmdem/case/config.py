@@ -49,6 +49,7 @@ class Initial(Section):
 
 
 class FluidSection(Section):
+    instead = dict.fromkeys(("gravity",), "body_force drives a fluid; gravity, outside of all groups, is of its grains")
     density: float = setting(1000.0, "density", "kg/m3", gt=0)
     kinematic_viscosity: float = setting(
         REQUIRED, "kinematic viscosity; dynamic_viscosity in Pa s is understood too, over density", "m2/s", gt=0

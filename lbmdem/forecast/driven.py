@@ -63,6 +63,21 @@ def driven(config: LbmDemConfig) -> Iterator[Derived]:
         )  # fmt: skip
 
 
+def weight(config: LbmDemConfig) -> Iterator[Derived]:
+    """Gravity along an axis that fluid may leave by, in a case without grains that it moves or packs: pressures are
+    those beyond the fluid's own weight, so it does nothing, where one may expect a flow."""
+    along = [k for k, axis in enumerate(AXES[: config.dimensions]) if axis in config.unwalled and config.gravity[k]]
+    used = config.grains_move or any(group.packing for group in config.grains)
+    if not along or used or any(config.liquid.body_force):
+        return
+    g = [config.gravity[k] if k in along else 0.0 for k in range(config.dimensions)]
+    yield judged(
+        "gravity on the fluid", "g", math.hypot(*g), unit="m/s2", ok=False, legal=True, limit="0",
+        source="pressures are those beyond the fluid's own weight", key=("gravity",),
+        cure=f"it drives nothing: body_force = {g} of the fluid drives a stream as gravity does one that falls",
+    )  # fmt: skip
+
+
 class Push(NamedTuple):
     """What drives a fluid: its name, the speed that it gives in words, the key, and what makes it less."""
 

@@ -120,6 +120,7 @@ def test_a_shipped_case_is_legal_and_survives_being_written(name):
         (("relaxation_time = 1.0", "relaxation_time = 1.0; time_step = 1e-3"), "give either this or fluid.relaxation"),
         (("viscosity = 1.0e-6", "viscosity = -1.0e-6"), "fluid.kinematic_viscosity"),
         (("relaxation_time = 1.0", "relaxation_time = 1.0e4"), "relaxation time tau = 1e+04"),
+        (("relaxation_time = 1.0", "relaxation_time = 1.0; gravity = 9.81"), "body_force drives a fluid"),
         (("kinematic_viscosity", "kinematic_viscosty"), "did you mean 'kinematic_viscosity'"),
         (("[1.0e-3, 0.0]", "[1.0e-3, 0.0, 0.0]"), "fluid.body_force: needs 2 numbers in 2D (got 3)"),
         (("end_time = 1.0", "end_time = 1.0; lattice = \"D3Q19\""), "D3Q19 is not of 2 dimensions"),

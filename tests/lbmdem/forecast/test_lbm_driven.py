@@ -54,6 +54,20 @@ def test_a_difference_that_makes_the_fluid_too_fast_is_refused_and_cured():
     assert told(MACH, "boundary[0].pressure=0.03", f"fluid.relaxation_time={tau}").verdict == "ok"
 
 
+def test_gravity_that_drives_nothing_is_told(world):
+    """A fluid knows its pressure beyond its own weight: between open ends it stays at rest, where a stream falls."""
+    name, falls = "gravity on the fluid", ("gravity=[-9.81, 0.0]", "boundary=()", 'domain.periodic=["x"]')
+    one = told(name, *falls)
+    assert one.verdict == "warn" and "body_force = [-9.81, 0.0]" in one.cure
+    with running(world, "lbmdem", SLOT, falls) as app:
+        app.step()
+        assert app.scalars()["momentum_x"] == 0.0
+    moving = 'grains=({ diameter = 1.0e-3; position = [0.01, 0.005]; })'
+    packed = 'grains=({ moving = false; diameters = { min = 1e-3; max = 1e-3; count = 2; }; packing = { }; })'
+    for sets in (("gravity=[0.0, -9.81]",), ("fluid.body_force=[1.0, 0.0]",), (moving,), (packed,)):
+        assert told(name, *falls, *sets) is None
+
+
 def test_grains_that_move_may_bear_the_pressure():
     grain = 'grains=({name="g"; diameter=2.5e-3; density=2000.0; position=[5.0e-3, 5.0e-3];})'
     assert told(SPEED, grain) is None
