@@ -73,8 +73,10 @@ def phases(config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, f
     tiles = math.prod(-(-n // EDGE[d]) for n in config.points)
     filled = sum(filled_tiles(species.particles, tiles) for species in config.species)
     away = beyond_caches(cells, NODE_BYTES, max(1.0, ranks * threads / rates["cores"]), rates) / NODE_BYTES
+    driven = sum(species.particles for species in config.species if species.acceleration)
     return {
         "particles": particle_count(config) * kernel_ns(config, rates) / cores,
+        "accelerations": driven * rates["own_ns"] / cores,
         "memory": memory_seconds(config, ranks, threads, rates),
         "tiles": filled * rates[f"tile_ns {d}D"] / cores,
         "cells": (cells * rates[f"cell_ns {d}D"] + away * rates["cell_memory_ns"]) / mesh,

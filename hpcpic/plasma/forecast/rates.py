@@ -25,6 +25,7 @@ DEFAULT = FILES | {
     "particle_ns 3D NGP single": 2.8,
     "particle_ns 3D TSC double": 12.5,
     "particle_ns 3D TSC single": 10.0,
+    "own_ns": 35.0,  # an acceleration of the user's own, one that is linear in the velocity: others 0.4 to 3 of it
     "memory_ns": 2.85,  # pushed and delivered, of STANDARD_BYTES, from memory
     "cache_mb": 32.0,  # last-level cache of a node
     "cell_ns 2D": 2.8,  # of the push and of the charge

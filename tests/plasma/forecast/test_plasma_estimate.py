@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from hpcpic.core.case.accelerations import ACCELERATIONS
 from hpcpic.core.case.config import loads
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import Domain
@@ -138,3 +139,13 @@ def test_numbers_in_the_factors_of_lu(points):
     factors = LU(World.alone(), pool, domain)._factors
     pool.close()
     assert factor_nonzeros(points) == pytest.approx(factors.L.nnz + factors.U.nnz, rel=0.26)
+
+
+def test_an_acceleration_of_ones_own_takes_its_time_of_its_particles(monkeypatch):
+    """Ten times that of all else or more, of which nothing was told."""
+    monkeypatch.setitem(ACCELERATIONS, "drag", lambda x, v, t: (-v[0], -v[1], 0.0))
+    text = CASE.format(cycles=100, n=100_000, period="")
+    plain, driven = (configure(loads(text, sets=sets)) for sets in ((), ("species[0].acceleration=drag",)))
+    before, after = (phases(case, 1, 1, DEFAULT) for case in (plain, driven))
+    assert before.pop("accelerations") == 0.0 and after.pop("accelerations") > 10 * after["particles"]
+    assert before == after
