@@ -11,7 +11,7 @@ from sph.case import geometry
 from sph.case.config import AXES, SphConfig
 from sph.forecast.bodies import bodies
 from sph.forecast.damping import damping
-from sph.forecast.friction import friction
+from sph.forecast.friction import friction, ringing
 from sph.forecast.interfaces import interfaces
 from sph.forecast.joints import joints, walled
 from sph.forecast.moving_walls import moving_walls
@@ -60,6 +60,7 @@ def sensible(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     yield from unfelt(config)
     yield from bodies(scene)
     yield from friction(config, scene)
+    yield from ringing(config, scene)
     yield from damping(config)
     yield from interfaces(config, scene)
     yield from films(scene)

@@ -67,3 +67,21 @@ def test_it_is_warned_of_and_foretold_within_a_third(case, name, measured):
 def test_no_warning_where_it_does_not_matter(case, names):
     found = told(case)
     assert set(found) == names and all(verdict == "ok" for _, verdict in found.values())
+
+
+@pytest.mark.parametrize(("disorder", "measured"), [(0.1, 0.41), (0.05, 0.14), (0.0, 0.0)])
+def test_check_tells_the_sound_of_disorder_in_still_water(disorder, measured):
+    """Half of the range of the pressure at the bottom of 1 m, over rho g H: measured, it goes a little faster than the
+    disorder. That which the cure names makes none that counts.
+    """
+    case = sph.Case(
+        simulation={"end_time": 1.0}, gravity=[0.0, -9.81], numerics={"spacing": 0.01},
+        fluid=[{"shape": {"box": {"low": [0.0, 0.0], "high": [0.8, 1.0]}}, "disorder": disorder}],
+        wall=[{"shape": {"box": {"low": [0.0, 0.0], "high": [0.8, 1.2], "open": ["y+"]}}}],
+    )  # fmt: skip
+    rows = [row for row in case.check().rows if row.name == "sound that the disorder of fluid_1 makes"]
+    assert len(rows) == bool(disorder)
+    for row in rows:
+        assert measured <= 1.05 * row.value < 2 * measured and row.verdict == "warn"
+        cured = case.changed({"fluid[0].disorder": float(row.cure.split()[-1])}).check()
+        assert {one.verdict for one in cured.rows if one.name == row.name} == {"ok"}
