@@ -231,6 +231,8 @@ def grain_faults(grains: GrainSet, d: int) -> Iterator[tuple[Path, str]]:
     if grains.shape not in (None, "disc" if d == 2 else "sphere"):
         yield ("shape",), f"{grains.shape} in {d}D; {'disc' if d == 2 else 'sphere'} is the shape there"
     yield from accelerations.faults(grains.acceleration)
+    if grains.acceleration and not grains.moving:
+        yield ("acceleration",), "moves nothing: grains with moving = false stay where they are"
     turning = 1 if d == 2 else 3
     shapes = {"position": (None, d), "diameter": (None,), "velocity": (None, d), "angular_velocity": (None, turning)}
     if grains.start is not None:

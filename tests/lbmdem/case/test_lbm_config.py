@@ -163,6 +163,7 @@ def test_a_periodic_face_is_a_periodic_axis():
         ('grains = ({ diameter = 3e-4; position = [1e-4, 5e-4]; shape = "sphere"; });', "disc is the shape there"),
         ("grains = ({ diameter = 3e-5; position = [1e-4, 5e-4]; });", "resolves the grains of grains_1"),
         ("grains = ({ diameter = 3e-4; position = [1e-4, 5e-4, 0.0]; });", "needs 2 numbers in 2D (got 3)"),
+        (DISC.replace(" });", ' moving = false; acceleration = "own"; });'), "acceleration: moves nothing"),
         ("obstacle = ({ shape = { }; });", "needs one of plane"),
         (plane(normal="[0.0, 0.0]"), "normal: is no direction"),
         (plane(normal="[0.1, 1.0]"), "has a part along x, along which the box is periodic"),
