@@ -24,7 +24,7 @@ MAX_SUBSTEPS = 100_000
 CHAINS = 4.0  # times the mean overlap below a bed: its deepest, measured 2.5 (equal discs) to 3.8 (1 : 1.5)
 PILE = 2.0  # layers of grains, from which on they lie on each other
 UNEVEN = 1.25  # times the mean weight on a floor: from there on it is a pile's; in even beds columns of up to 1.16 are
-DENSE = 0.7  # of the density of a bed that has settled: layers as dense land as one, looser ones grain by grain
+DENSE = 0.45  # of the density of a bed that has settled: from it on layers that land stop each other
 REBOUND = 10.0  # Stokes number rho_s v D/(9 mu) up to which a film brings a grain to rest
 WAYS = 5  # along each axis, of a lattice of directions
 
