@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
+    from hpcpic.core.report.compare import Comparison
+
 
 class Run:
     """One run: finished, under way, stopped or killed, made here or on another machine.
@@ -139,15 +141,25 @@ class Run:
         """Names that `plot` knows."""
         return tuple(self._app.plots()) if self._app.plots else ()
 
-    def plot(self, name: str, step: int | None = None) -> Figure:
-        """One figure of the run, as `plot` draws it; notebooks show it. Raises ConfigError where the run lacks what is
-        drawn.
+    def compare(self, other: Run) -> Comparison:
+        """This run (a) beside another (b), as the verb `compare` does: `compare(other).beyond(1e-12)` is [] of two that
+        are alike. Raises ConfigError of what is no run of the same program.
+        """
+        from hpcpic.core.report.compare import compared
+
+        if not isinstance(other, Run) or other._app.name != self._app.name:
+            raise ConfigError(f"a run of {self._app.name} is compared with another one (got {other!r})")
+        return compared(self._files, other._files)
+
+    def plot(self, name: str = "", step: int | None = None) -> Figure:
+        """One of the `figures` of the run, as `plot` draws it; notebooks show it. Raises ConfigError where the run
+        lacks what is drawn, or has no figure of that name.
         """
         from hpcpic.core.app.figures import PAPER, NoData, png
 
         plots = self._app.plots() if self._app.plots else {}
         if name not in plots:
-            raise ConfigError(f"no figure {name!r}; there are {', '.join(plots)}")
+            raise ConfigError(f"{f'no figure {name!r}' if name else 'which figure?'}; there are {', '.join(plots)}")
         use.keep_own()
         use.import_kept(self.summary, self._files.rundir.given)
         try:

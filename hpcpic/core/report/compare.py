@@ -38,6 +38,39 @@ class Note(str):
     __slots__ = ()
 
 
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Two runs beside each other, a and b.
+
+    differences: of the columns of the series, and of the fields and particles of the last snapshots. missing: what one
+    of them lacks, or what cannot be compared, in words; notes: remarks that count as no difference. same_state: the
+    final states are the same bits.
+    """
+
+    differences: tuple[Difference, ...]
+    missing: tuple[str, ...]
+    notes: tuple[str, ...]
+    same_state: bool
+
+    def beyond(self, tolerance: float) -> list[str]:
+        """What differs by more, relative to the largest |a|, and what is missing; [] of runs that are alike."""
+        found = [d.what for d in self.differences if _verdict(d, tolerance) == "fail"] + list(self.missing)
+        return found if found or self.differences or self.same_state else ["nothing in common to compare"]
+
+
+def compared(a: Run, b: Run) -> Comparison:
+    """Series, last snapshots and final states of two runs."""
+    digests = [run.summary.get("state_digest") for run in (a, b)]
+    same = None not in digests and digests[0] == digests[1]
+    found = [*_series(a, b, same), *_fields(a, b), *_particles(a, b)]
+    return Comparison(
+        tuple(one for one in found if isinstance(one, Difference)),
+        tuple(one for one in found if isinstance(one, str) and not isinstance(one, Note)),
+        tuple(one for one in found if isinstance(one, Note)),
+        same,
+    )
+
+
 def make_compare_command(app_loader: AppLoader) -> click.Command:
     @click.command("compare")
     @click.argument("a")
@@ -65,27 +98,14 @@ def make_compare_command(app_loader: AppLoader) -> click.Command:
         program = app_loader().name
         runs = (open_run(a, program), open_run(b, program))
         _print_configs(*runs)
-        differences: list[Difference] = []
-        missing: list[str] = []
-        notes: list[str] = []
-        digests = [run.summary.get("state_digest") for run in runs]
-        same = None not in digests and digests[0] == digests[1]
-        for found in (*_series(*runs, same), *_fields(*runs), *_particles(*runs)):
-            if isinstance(found, Note):
-                notes.append(found)
-            elif isinstance(found, str):
-                missing.append(found)
-            else:
-                differences.append(found)
-        _print_differences(differences, tol)
+        found = compared(*runs)
+        _print_differences(found.differences, tol)
         _print_timers(*runs)
-        click.echo(f"final state: {'the same bits' if same else _not_same(runs)}")
-        for text in (*notes, *missing):
+        click.echo(f"final state: {'the same bits' if found.same_state else _not_same(runs)}")
+        for text in (*found.notes, *found.missing):
             click.echo(text)
-        beyond = [d.what for d in differences if _verdict(d, tol) == "fail"]
-        if beyond or missing or not (differences or same):
-            reasons = [*beyond, *missing] or ["nothing in common to compare"]
-            raise CheckFailed(f"beyond the tolerance {tol:g}: {', '.join(reasons)}")
+        if beyond := found.beyond(tol):
+            raise CheckFailed(f"beyond the tolerance {tol:g}: {', '.join(beyond)}")
 
     return compare
 

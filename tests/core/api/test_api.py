@@ -189,8 +189,21 @@ def test_series_has_units_and_makes_a_table(oscillation):
 
 def test_a_figure_comes_as_an_object(oscillation):
     assert oscillation.plot("energies").axes
-    with pytest.raises(hpcpic.ConfigError, match="there are energies"):
+    with pytest.raises(hpcpic.ConfigError, match="no figure 'nonsense'; there are energies"):
         oscillation.plot("nonsense")
+    with pytest.raises(hpcpic.ConfigError, match=r"which figure\?; there are energies"):
+        oscillation.plot()
+
+
+def test_runs_are_compared(oscillation, tmp_path):
+    alike = oscillation.compare(oscillation)
+    assert alike.same_state and alike.beyond(0.0) == [] and all(one.max == 0.0 for one in alike.differences)
+    case = hpcpic.Case("plasma-oscillation").changed({**SHORT, "simulation.cycles": 11})
+    apart = oscillation.compare(case.run(tmp_path / "shorter", threads=1, quiet=True))
+    assert not apart.same_state and [text for text in apart.beyond(0.0) if text.startswith("series: sampled at")]
+    assert {one.what: one.max for one in apart.differences}["series energy_field"] == 0.0
+    with pytest.raises(hpcpic.ConfigError, match=r"a run of hpcpic is compared with another one \(got 'runs/b'\)"):
+        oscillation.compare("runs/b")
 
 
 @pytest.mark.parametrize(
