@@ -72,7 +72,7 @@ def test_what_the_programs_cases_are_made_of_is_what_their_schemas_say(program):
         ("lbmdem", "simulation.viscosity", "fluid.kinematic_viscosity"),
         ("lbmdem", "fluid.rho0", "fluid.density"),
         ("lbmdem", "domain.dx", "domain.spacing"),
-        ("lbmdem", "fluid.gravity", "gravity"),
+        ("lbmdem", "simulation.gravity", "gravity"),
     ],
 )
 def test_common_words_lead_to_the_key(program, key, meant):
