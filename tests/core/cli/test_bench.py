@@ -36,7 +36,7 @@ def test_the_fraction_of_the_memory_bound_is_told_where_bytes_are():
 
 
 def checked(module, rates):
-    default = import_module(f"{module}.estimate").DEFAULT
+    default = import_module(f"{module}.forecast.estimate").DEFAULT
     assert rates and {name for name in rates if "_bytes" not in name} <= set(default)
     assert all(math.isfinite(rate) and rate >= 0.0 for rate in rates.values())
 
