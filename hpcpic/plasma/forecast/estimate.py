@@ -90,7 +90,7 @@ def gain_of(what: str, ranks: int, threads: int, rates: Mapping[str, float]) -> 
     """The speed-up over one core in work for which all cores of a node have the rate `what`, by threads; ranks, each
     with memory of its own, gain more by as much as was measured of particles in two dimensions.
     """
-    by_ranks = rates.get("plasma_rank_gain", 0.0) / rates["plasma_core_gain 2D"]
+    by_ranks = rates["plasma_rank_gain"] / rates["plasma_core_gain 2D"]
     return gain(ranks, threads, rates, rates[what] * (max(1.0, by_ranks) if threads == 1 else 1.0))
 
 

@@ -52,6 +52,7 @@ DEFAULT = FILES | {
     "message_gb_s": 8.0,
     "cores": 2.0,
     "plasma_core_gain 2D": 1.65,  # of all cores of a node over one
+    "plasma_rank_gain": 0.0,  # likewise by ranks in 2D: as much, unless it was measured
     "plasma_core_gain 1D": 1.5,
     "plasma_core_gain 3D": 1.65,
     "memory_core_gain": 1.3,  # and at particles that no cache holds
