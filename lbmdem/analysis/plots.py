@@ -129,7 +129,7 @@ def _between_plates(config: LbmDemConfig, y: np.ndarray, floor: float) -> np.nda
     axis, others = "xyz"[config.dimensions - 1], "xyz"[: config.dimensions - 1]
     if (config.obstacle and not floor) or config.fluid is None or set(others) != set(config.domain.periodic):
         return None
-    if any(face.type != "wall" for face in config.boundary):
+    if any(face.is_open for face in config.boundary):
         return None
     speeds: dict[str, float] = {face.face: face.velocity[0] for face in config.boundary if face.type == "wall"}
     length, a = config.domain.size[-1] - floor, config.liquid.body_force[0]

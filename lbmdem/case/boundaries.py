@@ -28,6 +28,11 @@ class Boundary(Section):
         "narrow the face",
     )
 
+    @property
+    def is_open(self) -> bool:
+        """Whether fluid passes through the face."""
+        return self.type in ("pressure", "velocity")
+
 
 class PlaneShape(Section):
     point: Vector = setting(REQUIRED, "a point of the plane", "m")

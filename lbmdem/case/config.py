@@ -315,7 +315,7 @@ class LbmDemConfig(Section):
     @property
     def unwalled(self) -> set[str]:
         """Axes along which fluid may pass an end of the box."""
-        return {face.face[0] for face in self.boundary if face.type != "wall"}.union(self.domain.periodic)
+        return {face.face[0] for face in self.boundary if face.is_open}.union(self.domain.periodic)
 
     @property
     def substeps(self) -> int:
@@ -337,7 +337,7 @@ class LbmDemConfig(Section):
         """Scalars of the series that the scene keeps: in closed faces the mass, or the mean density where grains that
         move change the number of nodes; momentum where nothing acts.
         """
-        closed = all(face.type == "wall" for face in self.boundary)
+        closed = not any(face.is_open for face in self.boundary)
         alone = self.fluid is not None and not (self.grains or self.obstacle or self.shaking)
         alone = alone and len(self.domain.periodic) == self.dimensions
         free = (axis for axis, force in zip(AXES, self.liquid.body_force) if not force) if alone else ()

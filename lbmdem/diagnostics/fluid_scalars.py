@@ -44,7 +44,7 @@ class FluidScalars:
         self._axes = AXES[: scene.dimensions]
         self.fastest = self.drift = self.jump = 0.0
         self._kept: float | None = None  # sum of the populations at the last look
-        self._closed = all(face.kind in ("wall", "periodic") for face in scene.faces.values())
+        self._closed = not any(face.is_open for face in scene.config.boundary)
         self._driving_force = self._seepage_force(drive) if seeps(scene.config) else None
         along = scene.dimensions == 3
         per = "" if along else "/m"

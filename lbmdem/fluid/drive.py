@@ -50,7 +50,7 @@ def creeping(config: LbmDemConfig) -> bool:
     Its populations are then scaled with that pressure: a compressible fluid would take the time L^2 mu / (k rho c^2)
     to adjust its pressure in a sample of length L, far longer than water does.
     """
-    open_faces = [face for face in config.boundary if face.type != "wall"]
+    open_faces = [face for face in config.boundary if face.is_open]
     ramped = [face for face in open_faces if face.pressure_rate and face.pressure]
     still = all(face.type == "pressure" and (face.pressure == 0.0 or face in ramped) for face in open_faces)
     moved = any(any(face.velocity) for face in config.boundary) or any(any(solid.velocity) for solid in config.obstacle)

@@ -101,11 +101,10 @@ def ringing(config: LbmDemConfig) -> Iterator[Derived]:
     """Period of the lowest sound along an axis with a face that lets fluid through, and throws back sound: a quarter of
     a wave between a pressure face and one of another kind, half a wave between two of one kind.
     """
-    kinds: dict[str, str] = {face.face: face.type for face in config.boundary}
     for axis, length in zip(AXES, config.domain.size):
-        ends = [kinds.get(axis + side, "wall") for side in "-+"]
-        if set(ends) & {"pressure", "velocity"} and axis not in config.domain.periodic:
-            waves = 4 if ends.count("pressure") == 1 else 2
+        ends = [face for face in config.boundary if face.face[0] == axis]
+        if any(face.is_open for face in ends) and axis not in config.domain.periodic:
+            waves = 4 if [face.type for face in ends].count("pressure") == 1 else 2
             period = waves * length * config.time_step / config.spacing / math.sqrt(CS2)
             source = "faces throw it back: means over whole periods"
             yield Derived(f"period of sound along {axis}", f"{waves} L/c", period, "s", source=source)

@@ -150,7 +150,7 @@ def carried(config: LbmDemConfig) -> Iterator[Derived]:
     """How far a stream and gravity take grains at given positions towards a face that lets fluid through, over the way
     to it: they meet it as a wall. Not told of beds, which hold each other."""
     for face in config.boundary:
-        if face.type == "wall":
+        if not face.is_open:
             continue
         k, side = AXES.index(face.face[0]), 1.0 if face.face[1] == "+" else -1.0
         pull = math.hypot(*config.gravity)

@@ -139,7 +139,7 @@ def fitting(config: LbmDemConfig, wanted: float) -> tuple[float, tuple[str, ...]
     wall, which becomes a plane anywhere between the nodes.
     """
     points, size, d = config.points, config.domain.size, config.dimensions
-    opened = {AXES.index(face.face[0]) for face in config.boundary if face.type in ("pressure", "velocity")}
+    opened = {AXES.index(face.face[0]) for face in config.boundary if face.is_open}
     around = {AXES.index(axis) for axis in config.domain.periodic}
     around |= {AXES.index(face.face[0]) for face in config.boundary if face.type == "periodic"}
     walled = set(range(d)) - opened - around

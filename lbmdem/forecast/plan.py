@@ -63,7 +63,7 @@ def fluid_kernels(config: LbmDemConfig) -> list[str]:
     fluid, coupling = config.liquid, config.coupling
     forced = ", body force" if any(fluid.body_force) or config.shaking else ""
     lines = [f"sweep      {config.lattice}, {fluid.collision}, {fluid.storage}{forced}, in place"]
-    kinds = sorted({face.type for face in config.boundary if face.type != "wall"})
+    kinds = sorted({face.type for face in config.boundary if face.is_open})
     lines += [f"faces      {' and '.join(kinds)} (Zou & He)"] if kinds else []
     moved = config.grains_move and not coupling.frozen
     if config.grains or config.obstacle:

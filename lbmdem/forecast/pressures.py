@@ -72,7 +72,7 @@ def along(config: LbmDemConfig, k: int) -> Iterator[End]:
     drop = sum(parts.values())
     carries = any(not stays(config, group) for group in config.grains)
     limit = SINKING if carries else STILL
-    if any(face and face.type != "wall" for face in faces):
+    if any(face and face.is_open for face in faces):
         limit = THROUGH
     if not given:
         yield End(0.5 * drop, limit, f"half of {words}")
@@ -102,7 +102,7 @@ def between(config: LbmDemConfig, k: int) -> float:
 def drops(config: LbmDemConfig, k: int, faces: list[Boundary | None]) -> dict[str, float]:
     """How much higher the pressure at the low end of an axis is than at the high one, by cause, Pa."""
     size, rho, speed = config.domain.size, config.liquid.density, 0.0
-    if all(face and face.type != "wall" for face in faces):
+    if all(face and face.is_open for face in faces):
         speed = max((face.velocity[k] for face in faces if face and face.type == "velocity"), key=abs, default=0.0)
     found = {"drop of the flow": math.copysign(resistance(config, k, speed), speed)}
     found["the body force"] = -rho * config.liquid.body_force[k] * size[k]

@@ -83,7 +83,7 @@ def grid_reynolds(config: LbmDemConfig, value: float) -> Derived:
 
 
 def walled(config: LbmDemConfig) -> bool:
-    open_faces = {face.face for face in config.boundary if face.type != "wall"}
+    open_faces = {face.face for face in config.boundary if face.is_open}
     return any(
         axis not in config.domain.periodic and axis + side not in open_faces
         for axis in AXES[: config.dimensions]

@@ -74,7 +74,7 @@ def between_discs(config: LbmDemConfig, x: NDArray[np.float64], radius: NDArray[
 
 def beside_walls(config: LbmDemConfig, x: NDArray[np.float64], radius: NDArray[np.float64]) -> float:
     """The narrowest gap (m) between discs at x[n, 2] and walls of the box, or planes; infinite without."""
-    opened = {face.face for face in config.boundary if face.type != "wall"}
+    opened = {face.face for face in config.boundary if face.is_open}
     away = [plane_gap(config, x)]
     for axis, along, length in zip(AXES, x.T, config.domain.size):
         if axis not in config.domain.periodic:

@@ -112,7 +112,7 @@ def face_faults(config: LbmDemConfig, d: int) -> Iterator[tuple[Path, str]]:
 def edge_faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:
     """Faces that let fluid through and meet, or have their only node in common: what arrives there comes from beyond
     both; neither knows it."""
-    opened = [(i, face.face) for i, face in enumerate(config.boundary) if face.type in ("pressure", "velocity")]
+    opened = [(i, face.face) for i, face in enumerate(config.boundary) if face.is_open]
     for k, (i, name) in enumerate(opened):
         across = next((other for _, other in opened[:k] if other[0] != name[0]), None)
         if across:
@@ -129,7 +129,7 @@ def dry_faults(config: LbmDemConfig) -> Iterator[tuple[Path, str]]:
     elif not config.grains_move:
         yield ("grains",), "none moves, and there is no fluid"
     for i, face in enumerate(config.boundary):
-        if face.type not in ("wall", "periodic"):
+        if face.is_open:
             yield ("boundary", i, "type"), f'"{face.type}" needs a fluid'
 
 

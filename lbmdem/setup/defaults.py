@@ -20,7 +20,7 @@ def completed(config: LbmDemConfig) -> LbmDemConfig:
         fluid = fluid.model_copy(update=update)
     coupling = config.coupling
     if coupling.refill is None:
-        closed = all(face.type in ("wall", "periodic") for face in config.boundary)
+        closed = not any(face.is_open for face in config.boundary)
         kept = closed and not coupling.frozen and config.grains_move
         coupling = coupling.model_copy(update={"refill": "mass-conserving" if kept else "local"})
     faces = (face for face in config.boundary if face.type != "periodic")
