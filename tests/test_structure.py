@@ -8,6 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from hpcpic.core.case.schema import describe
+from hpcpic.plasma.case.config import PlasmaConfig
+from lbmdem.case.config import LbmDemConfig
+from sph.case.config import SphConfig
+
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("hpcpic", "sph", "lbmdem")
 MOST_MODULES = 16  # in a folder: more hide each other
@@ -75,7 +80,7 @@ def test_a_folder_holds_few_modules():
     crowded = {str(folder.relative_to(ROOT)): n for folder in folders if (n := len([
         file for file in folder.glob("*.py") if not file.name.startswith("__")
     ])) > MOST_MODULES}  # fmt: skip
-    assert not crowded
+    assert not crowded, f"more than {MOST_MODULES} modules in a folder: make a folder of those that belong together"
 
 
 def test_a_function_has_few_parameters_and_a_file_few_lines():
@@ -88,7 +93,8 @@ def test_a_function_has_few_parameters_and_a_file_few_lines():
                 n = len(node.args.posonlyargs + node.args.args + node.args.kwonlyargs)
                 if n > MOST_PARAMETERS and not _is_command(node):
                     many[f"{name}.{node.name}"] = n
-    assert not many and not long
+    assert not many, f"more than {MOST_PARAMETERS} parameters: some of them belong together, in a NamedTuple"
+    assert not long, f"more than {MOST_LINES} lines: move what can be understood alone to a module of its own"
 
 
 def _is_command(node: ast.FunctionDef) -> bool:
@@ -105,7 +111,27 @@ def test_every_docstring_can_be_read_alone():
                 text = ast.get_docstring(node) or ""
                 if text.startswith(beginnings):
                     found.append(f"{name}.{getattr(node, 'name', '')}: {text[:40]}")
-    assert not found, f"{len(found)}"
+    assert not found, "name the subject first"
+
+
+UNREAD = {"reproducible"}  # true in every case
+
+
+@cache
+def words(file: Path) -> set[str]:
+    """Names of attributes and texts of a module."""
+    nodes = (node for node in ast.walk(parsed(file)) if isinstance(node, ast.Attribute | ast.Constant))
+    return {str(getattr(node, "attr", getattr(node, "value", ""))) for node in nodes}
+
+
+@pytest.mark.parametrize(
+    "config, package", [(PlasmaConfig, "hpcpic.plasma"), (SphConfig, "sph"), (LbmDemConfig, "lbmdem")]
+)
+def test_every_key_of_a_case_is_read(config, package):
+    """Its name is an attribute or a text somewhere. A key that nothing reads is accepted, and does nothing."""
+    read = UNREAD.union(*(words(file) for name, file in modules().items() if name.startswith((package, "hpcpic.core"))))
+    unread = [row.key for row in describe(config) if row.key.split(".")[-1] not in read]
+    assert not unread, "these keys are declared, and nothing reads them"
 
 
 def test_the_faults_of_the_mutants_stand_in_the_sources(monkeypatch):
