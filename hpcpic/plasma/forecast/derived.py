@@ -34,7 +34,7 @@ from hpcpic.plasma.forecast.scales import (
 )
 from hpcpic.plasma.forecast.trapping import trapping
 from hpcpic.plasma.forecast.turning import MOST_WAVE, WIDER, fastest_turn, stronger_across, turn_across_grid, turning
-from hpcpic.plasma.physics.heating import HEATING, MIN_PER_CELL, energy_ratio, rates_across
+from hpcpic.plasma.physics.heating import HEATING, MIN_PER_CELL, energy_ratio, rate_of_step, rates_across
 from hpcpic.plasma.physics.poisson import operator_of, response
 from hpcpic.plasma.physics.shapes import SHAPES
 from hpcpic.plasma.setup.loaders import loader_of, velocity_moments
@@ -230,17 +230,20 @@ def shielding(config: PlasmaConfig, ratios: list[float], known: bool) -> Derived
     return judged(name, "lambda_D/dx", ratio, limit, verdict, f"{BOOK} ch. 8", cure, POINTS, forceable=True)
 
 
-def heated(config: PlasmaConfig, shape: str, more: float = 1.0, finer: float = 1.0) -> float:
-    """W(end)/W(0) - 1 by the measured rates, with `more` times the particles and a `finer` grid; nan where too few."""
+def heated(config: PlasmaConfig, shape: str, more: float = 1.0, finer: float = 1.0, shorter: float = 1.0) -> float:
+    """W(end)/W(0) - 1 by measured rates and that of the step, with `more` times the particles, a `finer` grid and steps
+    so much `shorter`; nan where too few.
+    """
     axes = field_axes(config)
     per_cell = more * alike_per_cell(config) / finer**axes
-    time = dense_frequency(config) * abs(config.simulation.time_step) * config.simulation.cycles
+    step = dense_frequency(config) * abs(config.simulation.time_step)
+    time = step * config.simulation.cycles
     start = start_noise(config) / more if axes == 1 else 0.0
     if per_cell < MIN_PER_CELL or not start < MAX_START_NOISE:
         return math.nan
     debye = mean_debye(config) * finer * math.sqrt(1 + start)  # the noise becomes heat at once
-    across = rates_across(shape, axes, turn_across_grid(config), time)
-    return share_along(config, start) * (energy_ratio(HEATING[shape, axes], debye, per_cell, time, across) - 1)
+    rates = HEATING[shape, axes], debye, per_cell, time, rates_across(shape, axes, turn_across_grid(config), time)
+    return share_along(config, start) * (energy_ratio(*rates, rate_of_step(shape, axes, debye, step / shorter)) - 1)
 
 
 def heating(config: PlasmaConfig) -> Derived:
@@ -248,7 +251,7 @@ def heating(config: PlasmaConfig) -> Derived:
     shape, axes = config.numerics.shape, field_axes(config)
     growth = heated(config, shape)
     if math.isnan(growth):
-        source = f"cannot be foretold with fewer than {MIN_PER_CELL:g} particles per cell"
+        source = f"cannot be foretold with less than {MIN_PER_CELL:g} particle per cell"
         if particle_count(config) >= MIN_PER_CELL * math.prod(config.points):
             source += f" of one charge: these have the noise of {alike_per_cell(config):.2g}"
         if axes == 1 and start_noise(config) >= MAX_START_NOISE:
@@ -259,6 +262,8 @@ def heating(config: PlasmaConfig) -> Derived:
     finer = next((f for f in factors if heated(config, shape, more=f**axes, finer=f) < HEATED), None)
     ways = [f"{more:g} times the particles"] if more else []
     ways += [f"{finer:g} times the points on each axis with as many particles per cell"] if finer else []
+    if shorter := next((f for f in factors if heated(config, shape, shorter=f) < HEATED), None):
+        ways.insert(0, f"time_step = {config.simulation.time_step / shorter:g}")
     if shape != SMOOTHEST_SHAPE and heated(config, SMOOTHEST_SHAPE) < HEATED:
         ways.insert(0, f'numerics.shape = "{SMOOTHEST_SHAPE}"')
     turn = turn_across_grid(config)
@@ -266,7 +271,7 @@ def heating(config: PlasmaConfig) -> Derived:
     if across and mean_debye(config) >= 0.1 and config.simulation.solver == "MFT" and growth * CLOUDS_ACROSS < HEATED:
         ways.insert(0, f"numerics.cloud_radius = {min(spacing(config)):.3g}")
     cure = ", or ".join(ways) or f"no grid up to {factors[-1]:g} times as fine cures it"
-    verdict, source = verdict_of(growth < HEATED), "rates measured at wp dt = 0.2"
+    verdict, source = verdict_of(growth < HEATED), "rates measured at wp dt = 0.2, and Langdon 1979 for the step"
     if axes == 1 and any(config.field.magnetic[1:]):
         source += "; with B across the line 0.1 to 1.6 times as much was measured"
     if across:

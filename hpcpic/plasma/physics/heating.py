@@ -2,14 +2,19 @@
 
 A plasma whose Debye length the grid does not resolve gains energy: by the noise of the particles, at a rate that falls
 as one over their number per cell, and by the aliases of a cold plasma, at one that does not (Birdsall & Langdon,
-chapter 8). The Debye length grows with the energy, as its root, and the rate falls as it does.
+chapter 8). The Debye length grows with the energy, as its root, and the rate falls as it does. Particles that cross
+much of a short wave in a step are heated by it whatever their Debye length.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-MIN_PER_CELL = 8.0  # particles; with 4 the field of a random start has too much of the energy for the rates to hold
+import numpy as np
+
+from hpcpic.plasma.physics.shapes import SHAPES
+
+MIN_PER_CELL = 1.0  # particles: with 1, 2 and 4 of them runs gain 0.5 to 1.3 of what is told, from lambda_D = dx/2 on
 LOG_STEP = 0.01  # in ln(lambda_D/dx)
 MAX_DEBYE = 1e3  # Debye lengths per spacing: nothing heats any more
 
@@ -85,6 +90,38 @@ ACROSS = {
 }  # fmt: skip
 ONSET = 60.0  # wp t: the energy grows as the square of time at first
 SHARE_3D = 0.5  # of the rates of 2D, as runs on 16 x 16 x 16 points until wp t = 1600 have them
+LEAST_CROSSED = 0.1  # spacings in a step at the thermal velocity, below which exp(-s^2/4) is nothing for any wave
+ZONE = {1: 128, 2: 32, 3: 16}  # waves along an axis by number of axes, for the integral over the waves of a grid
+
+
+def rate_of_step(shape: str, axes: int, debye: float, step: float) -> float:
+    """d ln W/d(wp t) times the particles per cell that a step of wp dt = step adds where particles cross much of the
+    short waves in it; debye: lambda_D/dx.
+
+    Two particles deflect each other where k.(v - v') dt is a whole number of turns. Without a turn that costs no
+    energy, the others heat (Birdsall & Langdon, chapter 12; Langdon 1979, 10.1063/1.862452). In units of dx and wp, for
+    a Maxwellian and waves that are too short to be shielded,
+
+        rate = pi/(axes lambda_D^3) times the integral over k in the zone of the grid of
+
+            F^2/k sum over p != 0 of s^2 exp(-s^2/4)/(2 sqrt(pi)),  s = 2 pi p/y,  y = k lambda_D wp dt,
+
+    over (2 pi)^axes, F the force of a wave on the grid for the charge of one. The sum is y/pi for large y.
+    """
+    if debye * step < LEAST_CROSSED or debye > MAX_DEBYE:
+        return 0.0
+    share = (np.arange(ZONE[axes]) + 0.5) / ZONE[axes]
+    waves = np.stack(np.meshgrid(*[math.pi * share**2] * axes))  # denser where they are long
+    weights = np.prod(np.meshgrid(*[2 * share] * axes), axis=0)
+    k = np.sqrt((waves**2).sum(axis=0))
+    smooth = np.prod(np.sinc(waves / (2 * math.pi)), axis=0) ** (2 * SHAPES[shape].nodes)
+    force = smooth * (waves * np.sin(waves)).sum(axis=0) / k / (4 * np.sin(waves / 2) ** 2).sum(axis=0)
+    y, p = k * (debye * step), np.arange(1, 5).reshape(-1, *[1] * axes)
+    s_sq, swing_sq = (2 * math.pi * p / y) ** 2, np.minimum(p * y, 30.0) ** 2
+    few_turns = (s_sq * np.exp(-s_sq / 4)).sum(axis=0) / math.sqrt(math.pi)
+    few_steps = y / math.pi * (1 + 2 * ((1 - 2 * swing_sq) * np.exp(-swing_sq)).sum(axis=0))  # Poisson's sum of it
+    mean = float(np.mean(weights * force**2 / k * np.where(y < 2, few_turns, few_steps)))
+    return math.pi / (axes * debye**3) * mean
 
 
 def power(x: float, debye: Sequence[float], values: Sequence[float]) -> float:
@@ -96,10 +133,15 @@ def power(x: float, debye: Sequence[float], values: Sequence[float]) -> float:
     return values[high - 1] * (values[high] / values[high - 1]) ** share
 
 
-def rate(points: Sequence[Heating], x: float, per_cell: float, across: Sequence[float] = ()) -> float:
-    """d ln W/d(wp t) at ln(lambda_D/dx) = x; across: what a magnetic field adds at each of ACROSS_DEBYE."""
+def rate(
+    points: Sequence[Heating], x: float, per_cell: float, across: Sequence[float] = (), of_step: float = 0.0
+) -> float:
+    """d ln W/d(wp t) at ln(lambda_D/dx) = x; across: what a magnetic field adds at each of ACROSS_DEBYE; of_step:
+    rate_of_step.
+    """
     debye = [p.debye for p in points]
-    plain = power(x, debye, [p.noise for p in points]) / per_cell + power(x, debye, [p.aliases for p in points])
+    noise = power(x, debye, [p.noise for p in points]) + of_step
+    plain = noise / per_cell + power(x, debye, [p.aliases for p in points])
     return plain + (power(x, ACROSS_DEBYE, across) if across else 0.0)
 
 
@@ -116,14 +158,19 @@ def rates_across(shape: str, axes: int, turn: float, time: float) -> list[float]
 
 
 def energy_ratio(
-    points: Sequence[Heating], debye: float, per_cell: float, time: float, across: Sequence[float] = ()
+    points: Sequence[Heating],
+    debye: float,
+    per_cell: float,
+    time: float,
+    across: Sequence[float] = (),
+    of_step: float = 0.0,
 ) -> float:
-    """W(time)/W(0) of a plasma with debye = lambda_D/dx at the start; time in 1/wp; across: see `rate`."""
+    """W(time)/W(0) of a plasma with debye = lambda_D/dx at the start; time in 1/wp; across, of_step: see `rate`."""
     first = x = math.log(debye)
     constant = math.log(min(points[0].debye, ACROSS_DEBYE[0]) if across else points[0].debye)
     while time > 0 and x < math.log(MAX_DEBYE):
         step = constant - x if x < constant - LOG_STEP else LOG_STEP
-        needed = 2 * step / rate(points, x + 0.5 * step, per_cell, across)
+        needed = 2 * step / rate(points, x + 0.5 * step, per_cell, across, of_step)
         x += step * min(1.0, time / needed)
         time -= needed
     return math.exp(min(2 * (x - first), 700.0))

@@ -4,9 +4,11 @@ import math
 import re
 
 import pytest
+from app_runner import running
 from forecast_numbers import numbers
 
-from hpcpic.plasma.physics.heating import HEATING, energy_ratio, rate, rates_across
+from hpcpic.plasma.configure import configure
+from hpcpic.plasma.physics.heating import HEATING, energy_ratio, rate, rate_of_step, rates_across
 
 # Shape, dimensions, lambda_D/dx, particles per cell, wp t, W(t)/W(0) as runs gave it: those until 875 on 64 x 64 and
 # 16 x 16 x 16 points, as by scripts/heating.py (in 2D, 0.1 with 64 per cell and TSC at 1.0: 32 x 32).
@@ -86,7 +88,7 @@ def test_the_grid_heats_one_of_three_components_on_a_line(magnetic, across):
         (["species[0].thermal_velocity=0.1"], "the field of the random start has 2.1 times the heat"),
         (['numerics.shape="NGP"'], "no rates for this scheme in 1D"),
         (["numerics.cloud_radius=1"], "no rates for this scheme in 1D"),
-        (["species[0].particles=64", "species[0].thermal_velocity=9"], "fewer than 8 particles per cell"),
+        (["species[0].particles=63", "species[0].thermal_velocity=9"], "less than 1 particle per cell"),
     ],
 )
 def test_heating_on_a_line_that_is_not_foretold_says_why(sets, said):
@@ -99,6 +101,49 @@ def test_clouds_are_offered_with_what_they_were_measured_to_do(axes, share):
     box = [f"simulation.space_length={[16.0] * axes}", f"grid.points={[16] * axes}", "species[0].thermal_velocity=0.1"]
     cure = numbers(box)[0]["lambda_D/dx"].cure
     assert f"numerics.cloud_radius = 1 (at most {share} of the heating in {axes}D" in cure
+
+
+# Shape, dimensions, lambda_D/dx, particles per cell, wp dt, wp t, W(t)/W(0) - 1 as runs gave it: 64 and 128 points in
+# 1D, 64 x 64, 48 x 48, 16 x 16 x 16; those of 720 and less are told from a tenth of the run on.
+HEATED_BY_STEP = [
+    ("CIC", 1, 10.0, 64, 0.49, 4000, 0.199), ("CIC", 1, 4.0, 256, 0.49, 4000, 0.053),
+    ("CIC", 1, 4.0, 256, 0.4, 4000, 0.0272), ("TSC", 1, 8.0, 64, 0.49, 2700, 0.118),
+    ("CIC", 2, 5.0, 16, 0.49, 2000, 0.116), ("CIC", 2, 3.0, 16, 0.4, 2000, 0.0645),
+    ("CIC", 2, 10.0, 4, 0.3, 720, 0.0322), ("CIC", 2, 20.0, 16, 0.2, 1000, 0.0021),
+    ("TSC", 2, 4.0, 8, 0.49, 720, 0.0630), ("CIC", 3, 3.0, 8, 0.4, 540, 0.0137), ("CIC", 3, 6.0, 4, 0.49, 360, 0.0188),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("shape, dimensions, debye, per_cell, step, time, measured", HEATED_BY_STEP)
+def test_a_step_in_which_particles_cross_short_waves_heats_as_foretold(
+    shape, dimensions, debye, per_cell, step, time, measured
+):
+    of_step = rate_of_step(shape, dimensions, debye, step)
+    found = energy_ratio(HEATING[shape, dimensions], debye, per_cell, time, (), of_step) - 1
+    assert found == pytest.approx(measured, rel=0.3)
+
+
+def test_the_heating_of_a_long_step_is_that_of_the_continuum_where_the_grid_is_fine():
+    """In 1D, for dx -> 0: the integral over all waves is (wp dt)^2/(3 sqrt(pi)), over the particles of a lambda_D."""
+    found = rate_of_step("CIC", 1, 900.0, 0.5) * 900
+    assert found == pytest.approx(0.25 / (3 * math.sqrt(math.pi)), rel=0.01)
+    assert (
+        rate_of_step("CIC", 2, 0.3, 0.2) == rate_of_step("CIC", 2, 1e-100, 0.2) == rate_of_step("CIC", 1, 1e100, 1) == 0
+    )
+
+
+def test_a_long_step_that_heats_is_warned_of_and_a_shorter_one_cures(world):
+    """Measured: +20 % by wp t = 4000, of which 4.6 % by 800. Told were 3e-5."""
+    sets = ["species[0].thermal_velocity=10", "species[0].particles_per_cell=64", "simulation.time_step=0.49"]
+    number = numbers([*sets, "simulation.cycles=8163"], LINE)[0]["dW/W"]
+    assert number.verdict == "warn" and "time_step = 0.245, or 2 times the particles" in number.cure
+    assert numbers([*sets, "simulation.time_step=0.245", "simulation.cycles=16326"], LINE)[0]["dW/W"].verdict == "ok"
+    found, tree = numbers([*sets, "simulation.cycles=1632"], LINE)
+    with running(world, "hpcpic", configure(tree)) as app:
+        start = app.scalars()["energy_total"]
+        for _ in range(app.n_steps):
+            app.step()
+        assert 0.5 < (app.scalars()["energy_total"] / start - 1) / found["dW/W"].value < 2.0
 
 
 # Dimensions, shape, wc/wp, lambda_D/dx, particles per cell, wp t, W(t)/W(0) - 1 as runs gave it: B out of the plane on
@@ -188,7 +233,7 @@ def test_in_three_dimensions_heating_is_foretold_and_cured_by_rates_of_its_own()
             assert numbers([*sets, *cured])[0]["dW/W"].verdict == "ok"
 
 
-@pytest.mark.parametrize("ions, measured", [(20000, 0.0051), (5000, 0.0108), (4000, 0.0121), (2000, None)])
+@pytest.mark.parametrize("ions, measured", [(20000, 0.0051), (5000, 0.0108), (4000, 0.0121), (200, None)])
 def test_unequal_weights_heat_as_their_noise(ions, measured):
     """20 000 electrons and ions 100 times as heavy, of a weight of their own, on 32 x 32 points until wp t = 201."""
     text = f"""
@@ -202,7 +247,7 @@ def test_unequal_weights_heat_as_their_noise(ions, measured):
     if measured:
         assert found.value == pytest.approx(measured, rel=0.2)
     else:
-        assert math.isnan(found.value) and "of one charge: these have the noise of 7.1" in found.source
+        assert math.isnan(found.value) and "of one charge: these have the noise of 0.77" in found.source
 
 
 @pytest.mark.parametrize(
@@ -225,7 +270,7 @@ def test_cold_ions_shield_no_more_than_the_electrons_that_heat_them(mass, ions, 
 
 
 def test_a_few_particles_have_no_heating_that_could_be_foretold():
-    for particles in (1, 2048):
+    for particles in (1, 2047):
         number = numbers([f"species[0].particles={particles}", "species[0].thermal_velocity=0.1"])[0]["dW/W"]
         assert math.isnan(number.value) and "cannot be foretold" in number.source and number.verdict == "ok"
 
