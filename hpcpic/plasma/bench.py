@@ -34,6 +34,7 @@ from hpcpic.plasma.forecast.estimate import (
 from hpcpic.plasma.forecast.plan import factor_nonzeros
 from hpcpic.plasma.forecast.rates import DEFAULT
 from hpcpic.plasma.physics.poisson import LU
+from hpcpic.plasma.physics.shapes import SHAPES
 from hpcpic.plasma.sizes import EDGE
 from hpcpic.plasma.step import Plasma
 
@@ -130,7 +131,7 @@ def bench(quick: bool) -> Mapping[str, float]:
     rates: dict[str, float] = {"cores": len(os.sched_getaffinity(0))}
     for d in (2, 1, 3)[: 1 if quick else None]:
         rates |= standard_rates(world, d, quick)
-    for d, shape, precision in itertools.product((2, 1, 3), ("CIC", "NGP", "TSC"), ("double", "single")):
+    for d, shape, precision in itertools.product((2, 1, 3), SHAPES, ("double", "single")):
         if not quick and (shape, precision) != ("CIC", "double"):
             trials = {
                 name: Trial(world, FULL[d], per_cell * FULL[d][0] ** d, shape, precision)

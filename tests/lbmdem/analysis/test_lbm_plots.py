@@ -60,7 +60,7 @@ def test_figures_of_a_run(run, expected, tmp_path):
         save(figure, tmp_path / f"{what}.png")
         assert not unreadable(figure)
         made.add(what)
-    assert made == expected
+    assert made == expected, "EXPECTED, above, names the figures that this run has"
 
 
 @pytest.mark.parametrize("run", ["settling-disc"], indirect=True)

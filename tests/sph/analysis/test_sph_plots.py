@@ -48,7 +48,7 @@ def test_figures_of_a_run(name, tmp_path):
         assert (tmp_path / f"{what}.png").stat().st_size > 4000
         assert not unreadable(figure)
         made.add(what)
-    assert made == EXPECTED[name]
+    assert made == EXPECTED[name], "EXPECTED, above, names the figures that this run has"
     assert particle_plots.chosen(run, run.particle_snapshots)[0] == 0
     steps = PLOTS["sequence"].steps(run)
     assert len(steps) >= 2
