@@ -300,9 +300,8 @@ def silo(config: LbmDemConfig) -> Iterator[Derived]:
     """The share of a packing's weight that its floor carries once the grains have slid down rigid sides: Janssen 1895
     with K = 1 - sin(phi), tan(phi) the friction. At the start they have not: a fill lands, rebounds and locks.
     """
-    rigid = [size for axis, size in zip(AXES, config.domain.size[:-1]) if axis not in config.domain.periodic]
     friction = config.contact.friction
-    if not rigid or not friction or not any(config.gravity):
+    if not friction or not any(config.gravity):
         return
     ratio = 1.0 - math.sin(math.atan(friction))
     for i, group in enumerate(config.grains):
@@ -311,9 +310,15 @@ def silo(config: LbmDemConfig) -> Iterator[Derived]:
         if group.packing.low > landing(config, group) + group.largest_diameter:  # it falls, and lies on no floor
             continue
         law, d = group.law, config.dimensions
-        height = law_volume(law, d) / (1.0 - (group.packing.porosity or LOOSE[d])) / math.prod(config.domain.size[:-1])
-        slides = height * friction * ratio * sum(2.0 / size for size in rigid)
-        share = -math.expm1(-slides) / slides if slides else 1.0
+        ends, tops = packing_ends(config, group)
+        sides = [top - end for end, top in zip(ends[:-1], tops)]
+        rigid = [width for axis, width in zip(AXES, sides) if axis not in config.domain.periodic]
+        void = min(group.packing.porosity or LOOSE[d], LOOSE[d])  # what is looser settles
+        height = law_volume(law, d) / (1.0 - void) / math.prod(sides)
+        slides = height * friction * ratio * sum(2.0 / width for width in rigid)
+        if not slides:
+            continue
+        share = -math.expm1(-slides) / slides
         yield judged(
             f"weight of {group.name} on its floor", "Janssen", share, ok=share >= 0.9, legal=True, limit=">= 0.9",
             source="Janssen 1895, K = 1 - sin phi", key=("grains", i, "packing"),

@@ -170,6 +170,16 @@ def test_a_packing_between_walls_that_would_carry_it_is_no_silo_at_rest():
         assert number(SILO.replace("COUNT", "400"), name, *sets) is None
 
 
+def test_a_silo_is_as_wide_as_planes_leave_it_and_as_high_as_its_grains_settle():
+    name = "weight of grains_1 on its floor"
+    text = SILO.replace("COUNT", "400").replace("0.1]", "1.0]")
+    bare = number(text, name).value
+    assert number(text, name, "grains[0].packing.porosity=0.8").value == pytest.approx(bare)
+    plane = "{ shape = { plane = { point = [%g, 0.0]; normal = [%g, 0.0]; }; }; }"
+    planes = f"obstacle=({plane % (0.002, 1.0)}, {plane % (0.014, -1.0)})"
+    assert number(text, name, "domain.size=[0.016, 1.0]", planes).value == pytest.approx(bare)
+
+
 @pytest.mark.parametrize("text", [DRY.replace('["y"]', '["x"]'), SPHERE + "coupling = { lubrication = false; };"])
 def test_contacts_are_as_stiff_as_the_fall_of_a_grain_needs(text):
     """An impact over a tenth of a diameter ends a run: the check knows it and what is stiff enough."""
