@@ -167,10 +167,10 @@ def draw(program: Program, case: str, folder: Path) -> str:
     """One picture in few colours; the timers when the run has not what the one asked for shows."""
     plots, run, path = importlib.import_module(program.plots).PLOTS, open_run(folder), program.picture(case)
     try:
-        figure = plots[program.figure(case)].make(run, None)
+        figure = plots[program.figure(case)].make(run)
     except NoData as error:
         print(f"{case}: {program.figure(case)} {error}; drawing the timers", file=sys.stderr)
-        figure = plots["timers"].make(run, None)
+        figure = plots["timers"].make(run)
     save_small(figure, path)
     return f"{path.name:<40}{path.stat().st_size / 1024:6.1f} KiB"
 

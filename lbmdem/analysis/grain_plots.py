@@ -209,7 +209,7 @@ def touching(
     return np.concatenate(ends), np.concatenate(depths), np.concatenate(shares), 2.0 * float(shares[0].sum())
 
 
-def tracks(run: Run, step: int | None = None) -> Figure:
+def tracks(run: Run) -> Figure:
     """Height and velocity along the last axis of up to eight grains in time."""
     snapshots = snapshots_of(run)
     up = config_of(run).dimensions - 1
@@ -232,7 +232,7 @@ def tracks(run: Run, step: int | None = None) -> Figure:
         return figure
 
 
-def rolling(run: Run, step: int | None = None) -> Figure:
+def rolling(run: Run) -> Figure:
     """Speed of one sphere's centre along x, and of its surface against the centre, beside rigid bodies' with Coulomb
     friction: it slides until both are the same, then rolls with 5/7 of what pulls it.
     """

@@ -143,7 +143,7 @@ def carman_kozeny(porosity: np.ndarray) -> np.ndarray:
     return porosity**3 / (180.0 * (1.0 - porosity) ** 2)
 
 
-def permeability(run: Run, step: int | None = None) -> Figure:
+def permeability(run: Run) -> Figure:
     """Permeability in time, with what it converges to beside Carman and Kozeny's."""
     from lbmdem.grains.placement import mean_diameters
 
@@ -170,7 +170,7 @@ def permeability(run: Run, step: int | None = None) -> Figure:
         return figure
 
 
-def mass(run: Run, step: int | None = None) -> Figure:
+def mass(run: Run) -> Figure:
     """Relative change of the mass of the fluid, of its mean density where grains move, and the largest Mach number."""
     if config_of(run).fluid is None:
         raise NotInScene("there is no fluid")
@@ -185,12 +185,12 @@ def mass(run: Run, step: int | None = None) -> Figure:
         return figure
 
 
-def gauges(run: Run, step: int | None = None) -> Figure:
+def gauges(run: Run) -> Figure:
     """Gauges in the fluid, in time."""
     return gauges_figure(run, config_of(run).gauge)
 
 
-def stress(run: Run, step: int | None = None) -> Figure:
+def stress(run: Run) -> Figure:
     """Stress between grains in the control slices against the gradient between them, and where their lines meet."""
     config = config_of(run)
     up, count = config.dimensions - 1, config.output.stress_slices
@@ -252,7 +252,7 @@ def _bed(run: Run, config: LbmDemConfig) -> Bed:
     return Bed(1.0 - solid / (area * (high - low)), inside, middle, heavier * solid)
 
 
-def energies(run: Run, step: int | None = None) -> Figure:
+def energies(run: Run) -> Figure:
     """Kinetic energy of the fluid and of the grains."""
     t, *_ = columns_of(run)
     names = [name for name in ("energy_kinetic", "energy_kinetic_grains") if name in run.series]
@@ -274,7 +274,7 @@ def energies(run: Run, step: int | None = None) -> Figure:
         return figure
 
 
-def forces(run: Run, step: int | None = None) -> Figure:
+def forces(run: Run) -> Figure:
     """Force of the fluid on each obstacle, and on each set of grains that stays, along every axis."""
     config = config_of(run)
     held = [group.name for group in config.grains if config.coupling.frozen or not group.moving]

@@ -45,7 +45,7 @@ SPIKE = 3.0  # times the largest measured value, from where a panel is cut off
 NEAR = 0.05  # of a length: how like the case must be to an experiment to be shown beside it
 
 
-def energies(run: Run, step: int | None = None) -> Figure:
+def energies(run: Run) -> Figure:
     """Kinetic energy, changes of potential and internal energy, and of their sum."""
     t, kinetic, potential, internal = columns_of(run, "energy_kinetic", "energy_potential", "energy_internal")
     decay = predicted_decay(config_of(run))
@@ -84,7 +84,7 @@ def column_of(config: SphConfig) -> tuple[float, float, float]:
     return high[0] - low[0], high[scene_axis] - low[scene_axis], -config.gravity[scene_axis]
 
 
-def front(run: Run, step: int | None = None) -> Figure:
+def front(run: Run) -> Figure:
     """The farthest fluid along x, beside the dry-bed solution of shallow water and, where it fits, an experiment."""
     config = config_of(run)
     width, height, g = column_of(config)
@@ -130,7 +130,7 @@ def impact(config: SphConfig) -> bool:
     return all(abs(a / b - 1) < NEAR for a, b in zip(size, (1.6, 0.61, 0.75)))
 
 
-def forces(run: Run, step: int | None = None) -> Figure:
+def forces(run: Run) -> Figure:
     """Force along x on the measured walls: as it is and, of samples that are close enough, through the 13 ms triangular
     filter of (SC).
     """
@@ -160,7 +160,7 @@ def forces(run: Run, step: int | None = None) -> Figure:
         return figure
 
 
-def impulses(run: Run, step: int | None = None) -> Figure:
+def impulses(run: Run) -> Figure:
     """Time integrals of |F| (SC) and of the force along x on the measured walls."""
     names = measured_walls(run)
     with style():
@@ -179,7 +179,7 @@ def impulses(run: Run, step: int | None = None) -> Figure:
         return figure
 
 
-def bodies(run: Run, step: int | None = None) -> Figure:
+def bodies(run: Run) -> Figure:
     """Ways of the rigid bodies along each axis, and the angles by which they have turned."""
     config = config_of(run)
     bodies = {wall.name: wall.body for wall in config.wall if wall.body}
@@ -201,7 +201,7 @@ def bodies(run: Run, step: int | None = None) -> Figure:
         return figure
 
 
-def gauges(run: Run, step: int | None = None) -> Figure:
+def gauges(run: Run) -> Figure:
     """Every gauge in time, beside what theory or an experiment says where that is known."""
     config = config_of(run)
     shown = [gauge for gauge in config.gauge if gauge.kind is not FRONT]
@@ -295,7 +295,7 @@ def cushions(config: SphConfig, vertical: int) -> tuple[float, float, float] | N
     return (mass, below, above) if below > 0 and above > 0 else None
 
 
-def step_sizes(run: Run, step: int | None = None) -> Figure:
+def step_sizes(run: Run) -> Figure:
     """Time step, largest speed over the sound speed, and largest change of density."""
     t, dt, speed, error = columns_of(run, "dt", "max_velocity", "max_density_error")
     c0 = config_of(run).sound_speed

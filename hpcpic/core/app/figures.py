@@ -44,15 +44,19 @@ class NotInScene(NoData):
 
 @dataclass(frozen=True, slots=True)
 class Plot:
-    """One figure an app can make. make(run, step) with step None for the last snapshot, or for all of the
-    run.
+    """One figure that an app can make: of a whole run, or of its snapshot at a step.
 
-    steps(run) lists the snapshots of those that can be a movie; None for the others. Both raise NoData.
+    draw(run), or with `steps` draw(run, step), where None is the last snapshot. steps(run): those of the snapshots,
+    which a movie shows one after the other. Both raise NoData.
     """
 
     title: str
-    make: Callable[[Run, int | None], Figure]
+    draw: Callable[..., Figure]
     steps: Callable[[Run], Sequence[int]] | None = None
+
+    def make(self, run: Run, step: int | None = None) -> Figure:
+        """The figure; a step means nothing to one of the whole run. Raises NoData."""
+        return self.draw(run, step) if self.steps else self.draw(run)
 
 
 LOOK: Any = {  # of matplotlib
@@ -269,7 +273,7 @@ def steps_of(snapshots: Callable[[Run], Snapshots]) -> Callable[[Run], Sequence[
 # ------------------------------------------------------------------------------- figures without physics
 
 
-def timers(run: Run, step: int | None = None) -> Figure:
+def timers(run: Run) -> Figure:
     """Share of the sections in the time from the first step to the last checkpoint."""
     return timers_figure(run.summary.get("timers", {}))
 

@@ -138,7 +138,7 @@ def _figures(app: App, run: Run) -> tuple[list[Drawn], list[str], dict[str, Exce
     drawn, omitted, failures = [], [], {}
     for name, plot in plots_of(app).items():
         try:
-            drawn.append(Drawn(plot.title, inline(svg(plot.make(run, None), f"{name}-"))))
+            drawn.append(Drawn(plot.title, inline(svg(plot.make(run), f"{name}-"))))
         except NotInScene:
             continue
         except NoData as error:

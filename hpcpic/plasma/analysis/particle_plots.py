@@ -221,7 +221,7 @@ def _maxwellian(config: case.PlasmaConfig, one: case.Histogram, axis: str, edges
     return species.particles * macro_mass(config, species) / species.mass * np.sum(shares, axis=0)
 
 
-def orbits(run: Run, step: int | None = None) -> Figure:
+def orbits(run: Run) -> Figure:
     """Paths of all particles when they are few: x and y in 2D and 3D, x in time in 1D; open where they leave it."""
     config, snapshots = config_of(run), snapshots_of(run)
     if not 0 < particle_count(config) <= MAX_PATHS:

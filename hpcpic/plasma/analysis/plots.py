@@ -77,7 +77,7 @@ def _fields(run: Run) -> Fields:
 # --------------------------------------------------------------------------------------------- series
 
 
-def energies(run: Run, step: int | None = None) -> Figure:
+def energies(run: Run) -> Figure:
     """Field, kinetic and total energy, and below them the relative change of the total.
 
     Logarithmic where the field has under a hundredth of the energy; only the beginning of a long oscillation.
@@ -108,12 +108,12 @@ def _first_swings(signal: np.ndarray, crossings: int = 40) -> int:
     return int(crossed[crossings]) if len(crossed) > 4 * crossings else len(signal)
 
 
-def gauges(run: Run, step: int | None = None) -> Figure:
+def gauges(run: Run) -> Figure:
     """Gauges in the fields, in time."""
     return gauges_figure(run, config_of(run).gauge)
 
 
-def conservation(run: Run, step: int | None = None) -> Figure:
+def conservation(run: Run) -> Figure:
     """Departures of charge, momentum and total energy, of what the scene keeps: momentum relative to sqrt(2 m W)."""
     t, charge, total, kinetic = columns_of(run, "charge", "energy_total", "energy_kinetic")
     config = config_of(run)
@@ -176,7 +176,7 @@ def chosen_mode(config: PlasmaConfig, found: dict[tuple[int, ...], np.ndarray]) 
     return max(found, key=lambda mode: (found[mode].max(), mode))
 
 
-def modes(run: Run, step: int | None = None) -> Figure:
+def modes(run: Run) -> Figure:
     """Amplitudes |E_k| of the modes in the series, the one that the case starts beside the law that it allows."""
     config, (t, found) = config_of(run), amplitudes(run)
     chosen = chosen_mode(config, found)
@@ -223,7 +223,7 @@ def _compared_sound(run: Run, mode: tuple[int, ...], sound: Prediction) -> Compa
     return compare_parts(run.series.time[known], parts[known], sound)
 
 
-def spectrum(run: Run, step: int | None = None) -> Figure:
+def spectrum(run: Run) -> Figure:
     """Power of the field along x over wave number and frequency, with the branches that theory gives."""
     snapshots = _fields(run)
     name = next((n for n in ("E", "phi") if n in snapshots.names), None)

@@ -250,10 +250,10 @@ def broken_app(error):
     """The plasma with three of its figures and one more, which fails."""
     app = app_with("timers", "velocities", "modes")
 
-    def fail(run, step=None):
+    def fail(run):
         raise error
 
-    def of_another_scene(run, step=None):
+    def of_another_scene(run):
         raise NotInScene("never here")
 
     plots = {"broken": Plot("Broken", fail), "other": Plot("Of another scene", of_another_scene)}

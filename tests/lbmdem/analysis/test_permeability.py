@@ -56,11 +56,11 @@ def test_the_lines_of_a_run_are_what_it_measured_and_the_formula(monkeypatch):
     monkeypatch.setattr(plots, "config_of", lambda run: config)
     monkeypatch.setattr(plots, "series_of", lambda run: series)
     monkeypatch.setattr(plots, "columns_of", lambda run, *names: (np.arange(3.0), *(series[name] for name in names)))
-    measured, line = plots.permeability(SimpleNamespace(), None).axes[0].lines
+    measured, line = plots.permeability(SimpleNamespace()).axes[0].lines
     np.testing.assert_array_equal(measured.get_data(), [np.arange(3.0), series["permeability"]])
     assert line.get_ydata()[0] == pytest.approx(config.grains[0].diameter ** 2 * 0.6**3 / (180 * 0.4**2), rel=1e-12)
     monkeypatch.setattr(placement, "mean_diameters", lambda config: (1e-4, 1.5e-4))
-    axes = plots.permeability(SimpleNamespace(), None).axes[0]
+    axes = plots.permeability(SimpleNamespace()).axes[0]
     assert axes.lines[1].get_ydata()[0] == pytest.approx(1.5e-4**2 * 0.0075, rel=1e-12)
     (told,) = (text.get_text() for text in axes.texts)
     assert "= 0.0001 at porosity 0.6000\nover Carman-Kozeny: 0.013 with <d>, 0.006 with" in told

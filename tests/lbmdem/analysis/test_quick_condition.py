@@ -57,7 +57,7 @@ def test_the_figure_has_the_stress_of_each_slice_and_lines_that_meet_at_the_crit
     series |= {"hydraulic_gradient": 1.1 * inside, "force_sample_z": 9810.0 * 1.1 * inside * 6e-4**2 * 1.325e-3 / 0.98}
     run = SimpleNamespace(config=shipped_cases()["quick-condition"].read_text(), config_file="case")
     run.series = Series(series, {}, np.arange(40), np.linspace(0.0, 0.01, 40))
-    axes = plots.stress(run, None).axes[0]
+    axes = plots.stress(run).axes[0]
     *pairs, theory = axes.lines
     for k, (dots, line) in enumerate(zip(pairs[::2], pairs[1::2], strict=True)):
         assert dots.get_label() == f"slice {k + 1}"
