@@ -1,11 +1,14 @@
-"""Landau damping against trapping: a wave so large that its trough holds particles is not damped as a small one."""
+"""Landau damping against trapping: a wave so large that its trough holds particles is not damped as a small one; and
+against noise: one that is damped into it is seen no more.
+"""
 
 import math
 from collections.abc import Iterator
 
-from hpcpic.core.case.derived import Derived
+from hpcpic.core.case.derived import Derived, judged
 from hpcpic.plasma.case.config import Equation, PlasmaConfig
 from hpcpic.plasma.forecast.cold_wave import started_fields
+from hpcpic.plasma.forecast.noise import even_places, more_particles, noise_over_wave
 from hpcpic.plasma.forecast.scales import plasma_frequency, total_plasma_frequency
 from hpcpic.plasma.setup.loaders import loader_of
 
@@ -18,13 +21,13 @@ LANDAU = (-1.8222, -11.9069, 68.339, -91.273)
 
 def trapping(config: PlasmaConfig) -> Iterator[Derived]:
     """The bounce frequency of particles in each wave that the case starts over Landau's rate, of one warm species at
-    rest. A standing wave is two running ones of half the field. Not told in a magnetic field, nor of another field
-    equation.
+    rest, and when the noise of random places is left of it. A standing wave is two running ones of half the field. Not
+    told in a magnetic field, nor of another field equation.
     """
     total = total_plasma_frequency(config)
     if not total or any(config.field.magnetic) or config.field.equation != Equation():
         return
-    species = max(config.species, key=lambda one: plasma_frequency(config, one))
+    i, species = max(enumerate(config.species), key=lambda one: plasma_frequency(config, one[1]))
     wp = plasma_frequency(config, species)
     if wp**2 < ALONE * total**2:
         return
@@ -45,3 +48,12 @@ def trapping(config: PlasmaConfig) -> Iterator[Derived]:
             f"bounce of {species.name} in the wave over its damping", "wB/gamma", bounce / rate,
             source=f"O'Neil 1965: above 1 damping is not Landau's and ends by 2 pi/wB = {2 * math.pi / bounce:.3g} s",
         )  # fmt: skip
+        if 0 < (noise := noise_over_wave(config, mode)) < 1:
+            end = abs(config.simulation.time_step) * config.simulation.cycles
+            seen, needed = -math.log(noise) / rate, (noise * math.exp(min(rate * end, 300.0))) ** 2
+            yield judged(
+                f"wave of {species.name} damped into the noise", "t/T", seen / end if end else math.inf, limit=">= 1",
+                ok=seen >= end, legal=True, source=f"Landau damping at {rate:.3g}/s ends there at t = {seen:.3g} s",
+                cure=", or ".join(filter(None, [*even_places(i, species), more_particles(i, species, needed)])),
+                key=("species", i, "init_method"),
+            )  # fmt: skip

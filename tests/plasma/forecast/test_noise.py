@@ -124,3 +124,57 @@ def test_the_noise_that_stays_beside_a_wave_is_as_foretold():
 def test_even_places_leave_no_noise_and_noise_is_all_where_no_wave_is_started():
     assert noise_over_wave(configure(loads(FEW, sets=['species[0].init_method="quiet"'])), (1,)) == 0.0
     assert noise_over_wave(configure(loads(FEW, sets=["species[0].perturbation.amplitude=0"])), (1,)) == math.inf
+
+
+COLD = """
+simulation = { cycles = 100; time_step = 0.05; space_length = [6.283185307179586]; };
+grid = { points = [64]; };
+numerics = { precision = "single"; };
+species = ({ name = "e"; particles = 4096; charge = -1.0; mass = 1.0; init_method = "quiet"; plasma_frequency = 1.0;
+             perturbation = { mode = [1]; amplitude = 1e-5; }; });
+"""
+PARTS = "wp dt a/(k dx) 2^20"
+
+
+@pytest.mark.parametrize("amplitude, off", [(1e-3, 1e-3), (3e-6, None)])
+def test_a_cold_wave_that_single_precision_rounds_away_is_warned_of(amplitude, off, world: World):
+    """The field after a period, of single and of double precision: alike, or off by a tenth and more and warned of."""
+    setting = f"species[0].perturbation.amplitude={amplitude}"
+    number = {one.symbol: one for one in derived(configure(loads(COLD, sets=[setting])))}[PARTS]
+    assert number.value == pytest.approx(0.05 * amplitude * 64 / (2 * math.pi) * 2**20)
+    assert number.verdict == ("ok" if off else "warn")
+    found = []
+    for precision in ("single", "double"):
+        with running(world, "hpcpic", configure(loads(COLD, sets=[setting, f"numerics.precision={precision}"]))) as app:
+            for _ in range(app.n_steps):
+                app.step()
+            found.append(app.scalars()["mode_1"])
+    if off:
+        assert found[0] == pytest.approx(found[1], rel=off)
+    else:
+        assert abs(found[0] / found[1] - 1) > 0.05
+
+
+def test_only_cold_species_in_single_precision_are_rounded_alike():
+    for sets in (["numerics.precision=double"], ["species[0].thermal_velocity=0.1"]):
+        assert PARTS not in {one.symbol for one in derived(configure(loads(COLD, sets=sets)))}
+
+
+DAMPED = """
+simulation = { cycles = 600; time_step = 0.05; space_length = [12.566370614359172]; };
+grid = { points = [32]; };
+species = ({ name = "e"; particles = 262144; charge = -1.0; mass = 1.0; plasma_frequency = 1.0; thermal_velocity = 1.0;
+             perturbation = { mode = [1]; amplitude = 0.02; }; });
+"""
+
+
+def test_a_wave_is_damped_into_the_noise_of_random_places_when_told():
+    """Noise 2/sqrt(N) (k lambda_D)/sqrt(1 + (k lambda_D)^2) against 0.02 exp(-0.153 t): t = 15.9, as a run has it."""
+    found = {one.name: one for one in derived(configure(loads(DAMPED)))}["wave of e damped into the noise"]
+    assert found.value == pytest.approx(math.log(0.02 * 512 / 2 * math.sqrt(5)) / 0.1534 / 30, rel=0.03)
+    assert found.verdict == "warn" and found.cure.startswith(
+        'species[0].init_method = "quiet", or species[0].particles = '
+    )
+    for cure in ['species[0].init_method="quiet"', f"species[0].particles={found.cure.split()[-1]}"]:
+        cured = {one.name: one for one in derived(configure(loads(DAMPED, sets=[cure])))}
+        assert found.name not in cured or cured[found.name].verdict == "ok"
