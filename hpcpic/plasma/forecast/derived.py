@@ -17,15 +17,7 @@ from hpcpic.plasma.forecast.collisions import collisions
 from hpcpic.plasma.forecast.densest import at_densest, dense_frequency, densest, mean_debye
 from hpcpic.plasma.forecast.estimate import SERIES_SHARE, affordable_period, count_seconds, phases
 from hpcpic.plasma.forecast.field_equation import field_equation, field_strength, slowed_by_clouds
-from hpcpic.plasma.forecast.noise import (
-    MAX_START_NOISE,
-    alike_per_cell,
-    noise,
-    rounding,
-    share_along,
-    start_noise,
-    weighted,
-)
+from hpcpic.plasma.forecast.noise import MAX_START_NOISE, alike_per_cell, noise, share_along, start_noise, weighted
 from hpcpic.plasma.forecast.rates import DEFAULT
 from hpcpic.plasma.forecast.recurrence import recurrence
 from hpcpic.plasma.forecast.scales import (
@@ -75,7 +67,6 @@ def derived(config: PlasmaConfig, ranks: int = 1) -> list[Derived]:
         *cold_wave(config),
         *noise_of_cold(config),
         *noise(config),
-        *rounding(config),
         *collisions(config),
         *cell_edges(config),
         *motion(config),
