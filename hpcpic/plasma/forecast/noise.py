@@ -28,7 +28,7 @@ BALLS = {1: ("length", 1.0), 2: ("circle", math.pi), 3: ("sphere", 4 / 3 * math.
 
 
 def noise(config: PlasmaConfig) -> Iterator[Derived]:
-    """Particles of each warm species per Debye length, and each wave over the noise of random places and over rounding."""
+    """Particles of each warm species per Debye length, and each wave over the noise of random places and rounding."""
     for i, species in enumerate(config.species):
         yield from per_debye_length(config, i, species)
         if species.perturbation and species.particles and random_places(species):
