@@ -3,6 +3,7 @@
 PAGE = 128  # particles
 MAX_SPEED = 2.0**40  # cells per step that a particle may have
 PLACE_BITS = 40  # a cell is 2^40 parts in sums of positions
+WHOLE_BITS = {8: 44, 4: 20}  # a particle's charge is 2^44 parts, in single precision 2^20 (that of its position)
 EDGE = {1: 256, 2: 16, 3: 8}  # cells of a tile along each axis
 
 

@@ -30,9 +30,10 @@ from hpcpic.plasma.forecast.cuts import first_cuts, laying_out, row_costs
 from hpcpic.plasma.forecast.scales import total_plasma_frequency
 from hpcpic.plasma.particles.cloud import CHUNK, Cloud
 from hpcpic.plasma.particles.driven import NOT_FINITE, driven_kernel
-from hpcpic.plasma.particles.push_spec import WHOLE_BITS, PushSpec, groups_of_charge
+from hpcpic.plasma.particles.push_spec import PushSpec, groups_of_charge
 from hpcpic.plasma.physics.species_fields import asked_for
 from hpcpic.plasma.setup.scene import Scene
+from hpcpic.plasma.sizes import WHOLE_BITS
 
 COLDEST = 0.1  # lambda_D/dx to which the grid heats any colder plasma: that is no growth without end yet
 

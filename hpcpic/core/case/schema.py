@@ -32,7 +32,7 @@ class Section(BaseModel):
     ignored: ClassVar[tuple[str, ...]] = ()
     # keys ("fluid[].kinematic_viscosity") that `modernised` understands beside those of the schema
     rewritten: ClassVar[tuple[str, ...]] = ()
-    # keys that a user may look for here and that there are not -> what is done instead
+    # keys that a user may look for here and that there are not, and numbers that are no list -> what is done instead
     instead: ClassVar[Mapping[str, str]] = {}
     # largest magnitude of a number, the inverse of the smallest: products of a few must stay in floating point
     largest: ClassVar[float] = math.inf
@@ -211,6 +211,8 @@ def described(model: type[Section], tree: Tree, fault: Any) -> str:
         lower = {choice.lower(): choice for choice in choices}
         near = difflib.get_close_matches(got.lower(), lower, 1, 0.3) if isinstance(got, str) else []
         hint = f"; did you mean {lower[near[0]]!r}?" if near and kind == "literal_error" else ""
+        if isinstance(got, list) and "a number" in text:
+            hint = done_instead(group_of(model, path), path)
     return f"{tree.where(path)}: {dotted(path) or 'case'}: {text}{shown}{hint}"
 
 
@@ -245,17 +247,28 @@ def abridged(value: Any) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
+def group_of(model: type[Section], path: Path) -> type[Section]:
+    """The section that has the key at `path`."""
+    own = model
+    for part in path[:-1]:
+        own = (section_of(own.model_fields[part]) or own) if isinstance(part, str) else own
+    return own
+
+
+def done_instead(own: type[Section], path: Path) -> str:
+    """What a section says that is done in place of such a key, as the end of a message; empty where it says nothing."""
+    return f"; {own.instead[str(path[-1])]}" if path[-1] in own.instead else ""
+
+
 def nearest_key(model: type[Section], path: Path) -> str:
     """The known key meant by the last one of `path`: what the field calls so, in its own group or, if no key has that
     name, elsewhere; else the most like it in its own group, one of that name anywhere, or one that is a word of it;
     else all of a small group.
     """
     *groups, name = path
-    own = model
-    for part in groups:
-        own = (section_of(own.model_fields[part]) or own) if isinstance(part, str) else own
-    if name in own.instead:
-        return f"; {own.instead[str(name)]}"
+    own = group_of(model, path)
+    if told := done_instead(own, path):
+        return told
     place = re.sub(r"\[\d+\]", "[]", dotted(tuple(groups)))
     elsewhere = [key for key in keys_of(model) if key.rpartition(".")[2] == name]
     for word in SYNONYMS.get(str(name).lower(), ()):

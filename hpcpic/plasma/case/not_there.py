@@ -37,7 +37,8 @@ class Group(Section):
         ),
         **dict.fromkeys(("relativistic", "relativity", "gamma", "lorentz_factor", "speed_of_light"), NEWTON),
         **dict.fromkeys(("temperature_anisotropy", "anisotropy", "temperature_x", "temperature_y", "temperature_z",
-                         "thermal_velocity_x", "thermal_velocity_y", "thermal_velocity_z"), AXES),
+                         "thermal_velocity_x", "thermal_velocity_y", "thermal_velocity_z",
+                         "thermal_velocity", "temperature"), AXES),  # the last two where they are a list
         **dict.fromkeys(("profile", "density_profile", "density_gradient", "gradient_length"), PLACES),
         **dict.fromkeys(("mobile", "immobile", "fixed", "frozen", "static", "background"), AT_REST),
         "phase": "waves are sin(k.x); others stand in positions and velocities of `start` (docs/start/python.md)",

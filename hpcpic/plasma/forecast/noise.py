@@ -13,9 +13,9 @@ from hpcpic.plasma.forecast.scales import (
     thermal_velocities,
     total_plasma_frequency,
 )
-from hpcpic.plasma.particles.push_spec import WHOLE_BITS
 from hpcpic.plasma.setup.loaders import Loader, loader_of, random_places
 from hpcpic.plasma.setup.macro_particles import macro_charge, macro_mass
+from hpcpic.plasma.sizes import WHOLE_BITS
 
 # In equilibrium the field of a wave has T/2 / (1 + (k lambda_D)^2) (Birdsall & Langdon, chapter 12): over all waves of
 # a grid of dx = lambda_D, 10 particles per Debye length make 5 % of the heat in 1D (1/(2 N_D)), 6 % in 2D, 5 % in 3D.

@@ -13,9 +13,9 @@ from hpcpic.plasma.case.config import rotation
 from hpcpic.plasma.physics.moments import Moment, integrands_source, values_of
 from hpcpic.plasma.physics.shapes import SHAPES, Shape
 from hpcpic.plasma.setup.scene import Scene
+from hpcpic.plasma.sizes import WHOLE_BITS
 
 PLAIN = ("storage", "weights", "plain", "moments")  # files of kernels that all scenes have
-WHOLE_BITS = {8: 44, 4: 20}  # a particle's charge is 2^44 parts, in single precision 2^20 (that of its position)
 
 
 @dataclass(frozen=True, slots=True)

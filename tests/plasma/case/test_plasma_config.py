@@ -290,6 +290,7 @@ def test_all_bad_settings_are_told_at_once_with_their_places():
         ("simulation.laser=1", "simulation.laser: unknown key; the field is electrostatic"),
         ("species[0].fixed=true", "species[0].fixed: unknown key; a background that makes the box neutral"),
         ("species[0].temperature_anisotropy=2.0", "unknown key; temperatures by axis are velocities of `start`"),
+        ("species[0].thermal_velocity=[1.0, 2.0]", "(got [1.0, 2.0]); temperatures by axis are velocities of `start`"),
         ("species[0].B=1", "species[0].B: unknown key; the magnetic field is field.magnetic"),
     ],
 )

@@ -9,9 +9,10 @@ from hpcpic.core.errors import Diverged
 from hpcpic.core.space.domain import Domain
 from hpcpic.plasma.diagnostics.scalars import moments
 from hpcpic.plasma.particles.cloud import Cloud
-from hpcpic.plasma.particles.push_spec import WHOLE_BITS, PushSpec
+from hpcpic.plasma.particles.push_spec import PushSpec
 from hpcpic.plasma.physics.boris import rotation_vectors, shears, turn
 from hpcpic.plasma.physics.shapes import SHAPES
+from hpcpic.plasma.sizes import WHOLE_BITS
 
 SPECS = [(2, 2, 0, "CIC"), (2, 2, 1, "CIC"), (2, 3, 2, "CIC"), (1, 1, 0, "CIC"), (1, 3, 2, "CIC"),
         (2, 2, 0, "NGP"), (1, 1, 0, "NGP"), (2, 2, 0, "TSC"), (1, 1, 0, "TSC"),
