@@ -48,7 +48,8 @@ def amplification(integrator: str, a: NDArray, l: NDArray, n: NDArray, z: float)
     """Largest |eigenvalue| of one step of Courant number z, over all waves."""
     m = z * np.stack([np.stack([-l + 0j, -1j * a], -1), np.stack([-1j * a, -n + 0j], -1)], -2)
     step = INTEGRATORS[integrator].linear(m)
-    trace, determinant = step[..., 0, 0] + step[..., 1, 1], np.linalg.det(step)
+    trace = step[..., 0, 0] + step[..., 1, 1]
+    determinant = step[..., 0, 0] * step[..., 1, 1] - step[..., 0, 1] * step[..., 1, 0]
     root = np.sqrt(trace * trace / 4 - determinant)
     return float(np.maximum(np.abs(trace / 2 + root), np.abs(trace / 2 - root)).max())
 
