@@ -5,11 +5,15 @@ drifts through the grid.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
 
 from hpcpic.core.case.derived import Derived, judged, rounded_down, rounded_up
+from hpcpic.core.files.start import Start, arrays
 from hpcpic.plasma.case.config import MOST_POINTS, Equation, PlasmaConfig, Species, velocity_components, volume
 from hpcpic.plasma.forecast.cold_drift import COLD, GAIN, SPECTRAL, TOLD
-from hpcpic.plasma.forecast.noise import started_amplitude
+from hpcpic.plasma.forecast.noise import MIN_OVER_NOISE, started_amplitude
 from hpcpic.plasma.forecast.scales import (
     MOST_WITHOUT_FIELD,
     charge_density,
@@ -59,6 +63,8 @@ SATURATED = 1.3
 # 2D (ln n + LONG_WAVES)/(2 pi) of the cells, n points an axis, in 3D SHORT_WAVES of them, in 1D n/12.
 LONG_WAVES = {"NGP": 0.31, "CIC": -0.61, "TSC": -0.87}
 SHORT_WAVES = {"NGP": 0.25, "CIC": 0.12, "TSC": 0.095}
+LONGEST_WAVES = 8  # wavelengths in the box along an axis: waves of given places that are looked for
+LEAST_WAVE = 1e-9  # relative density that is no rounding of even places
 NOISE = 0.1  # of the energy, that noise may have
 
 
@@ -195,16 +201,40 @@ def by_start(config: PlasmaConfig, species: Species, axis: int) -> Iterator[Move
 
 
 def started_fields(config: PlasmaConfig) -> dict[tuple[int, ...], float]:
-    """Amplitudes of E, V/m, of the modes that species start."""
-    fields: dict[tuple[int, ...], float] = {}
+    """Amplitudes of E, V/m, of the modes that species start, by `perturbation` or by the places of arrays."""
+    fields: dict[tuple[int, ...], complex] = {}
     for species in config.species:
+        waves = dict[tuple[int, ...], complex]()
+        if species.start and species.particles:
+            waves.update(given_waves(species.start, config.simulation.space_length))
         if species.perturbation and species.particles:
             mode = max(species.perturbation.mode, tuple(-n for n in species.perturbation.mode))
+            size = math.copysign(started_amplitude(config, species), species.perturbation.amplitude)
+            waves[mode] = waves.get(mode, 0.0) + size
+        for mode, amplitude in waves.items():
             k = 2 * math.pi * math.hypot(*(n / length for n, length in zip(mode, config.simulation.space_length)))
-            charge = charge_density(config, species) * math.copysign(1.0, species.perturbation.amplitude)
-            field = charge * started_amplitude(config, species) / (k * config.constants.vacuum_permittivity)
+            field = charge_density(config, species) * amplitude / (k * config.constants.vacuum_permittivity)
             fields[mode] = fields.get(mode, 0.0) + field
     return {mode: abs(field) for mode, field in fields.items()}
+
+
+@lru_cache(maxsize=8)
+def given_waves(start: Start, lengths: tuple[float, ...]) -> dict[tuple[int, ...], complex]:
+    """The waves along each axis, of 1 to LONGEST_WAVES wavelengths in the box, that given places make: a of
+    n (1 - a cos(k.x)), as `perturbation` makes them. Shorter ones are the noise that they stand out of.
+    """
+    waves: dict[tuple[int, ...], complex] = {}
+    for axis, places in enumerate(arrays(start).get("position", np.zeros((0, 0))).T[: len(lengths)]):
+        turn = np.exp(-2j * math.pi / lengths[axis] * places)
+        found, power = [], np.ones_like(turn)
+        for _ in range(2 * LONGEST_WAVES):
+            power *= turn
+            found.append(complex(-2 * power.mean()))
+        noise = math.sqrt(np.mean(np.abs(found[LONGEST_WAVES:]) ** 2))
+        for n, amplitude in enumerate(found[:LONGEST_WAVES], 1):
+            if abs(amplitude) > max(MIN_OVER_NOISE * noise, LEAST_WAVE):
+                waves[tuple(n * (i == axis) for i in range(len(lengths)))] = amplitude
+    return waves
 
 
 def by_beams(config: PlasmaConfig, species: Species, axis: int) -> Iterator[Moved]:

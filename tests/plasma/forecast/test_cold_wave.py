@@ -2,10 +2,12 @@
 
 import re
 
+import numpy as np
 import pytest
 from app_runner import running
 from forecast_numbers import numbers
 
+import hpcpic
 from hpcpic.core.case.config import loads
 from hpcpic.plasma.configure import configure
 
@@ -55,6 +57,32 @@ def test_a_cold_plasma_that_waves_move_is_heated_as_told_within_a_factor_of_two(
     else:
         assert number.verdict == "warn" and grown > least
         assert 0.5 < number.value / grown < 2.0
+
+
+@pytest.mark.parametrize("modes, axes", [([1], [6.4]), ([0, 2], [3.2, 6.4])])
+def test_a_wave_of_given_places_is_told_as_that_of_a_perturbation(modes, axes):
+    """A run of the first gained 47 % until wp t = 400, for which nothing was told."""
+    even = np.meshgrid(*[(np.arange(100 * length) + 0.5) / 100 for length in axes], indexing="ij")
+    even, axis = np.stack([one.ravel() for one in even], axis=1), int(np.argmax(modes))
+    k = 2 * np.pi * modes[axis] / axes[axis]
+    waved = even.copy()
+    waved[:, axis] += 0.03 / k * np.sin(k * even[:, axis])
+    group = {"name": "e", "charge": -1.0, "mass": 1.0, "plasma_frequency": 1.0}
+    found = []
+    rest = np.zeros_like(even)
+    for start in (
+        {"start": {"position": waved, "velocity": rest}},
+        {"particles": len(even), "init_method": "quiet", "perturbation": {"mode": modes, "amplitude": 0.03}},
+        {"start": {"position": np.random.default_rng(1).random(even.shape) * axes, "velocity": rest}},
+    ):
+        case = hpcpic.Case(
+            simulation={"cycles": 2000, "time_step": 0.2, "space_length": axes},
+            grid={"points": [round(10 * length) for length in axes]},
+            species=[group | start],
+        )
+        found.append({one.symbol: one for one in case.check()}.get("dW/W(0)"))
+    assert found[0].verdict == "warn" and found[0].value == pytest.approx(found[1].value, rel=0.05)
+    assert found[2] is None
 
 
 def test_its_cures_pass_and_where_nothing_is_heated_nothing_is_told():
