@@ -20,11 +20,12 @@ from lbmdem.coupling.driven_grains import DrivenGrains
 from lbmdem.coupling.immersed import Immersed
 from lbmdem.diagnostics import guard, snapshot
 from lbmdem.diagnostics.sample import sample_ends
-from lbmdem.diagnostics.scalars import Diagnostics
+from lbmdem.diagnostics.scalars import ENOUGH_OVERLAP, Diagnostics
 from lbmdem.fluid.drive import Drive
 from lbmdem.fluid.faces import Face
 from lbmdem.fluid.fluid import Fluid
 from lbmdem.fluid.obstacles import obstacle_walls
+from lbmdem.forecast.contacts import foretold_overlap
 from lbmdem.forecast.cuts import Grains, first_cuts, laying_out, row_costs, sums_by_row
 from lbmdem.forecast.estimate import output_periods
 from lbmdem.forecast.pressures import pressures
@@ -99,6 +100,8 @@ class LbmDem:
         heights = self.coordinates()[-1].ravel()
         parts = self.fluid, self.drive, self.immersed, self.grains
         self.diagnostics = Diagnostics(scene, world, domain, table, heights, *parts)
+        if self.dem:
+            self.diagnostics.expected_overlap = max(ENOUGH_OVERLAP, foretold_overlap(config))
         self.scalar_units = self.diagnostics.units
         own = any(grains.acceleration for grains in config.grains)
         self.driven = own or (self.drive is not None and self.drive.changes)

@@ -5,7 +5,7 @@ import zlib
 
 import numpy as np
 
-from lbmdem.diagnostics.scalars import Diagnostics
+from lbmdem.diagnostics.scalars import Diagnostics, stiffer
 from lbmdem.fluid.fluid import Fluid
 from lbmdem.grains.dem import Dem
 from lbmdem.physics.collision import BRAKES, HOLDS
@@ -14,7 +14,6 @@ MAX_SPEED = 0.4  # nodes per step beyond which no collision is a fluid any more
 MAX_DENSITY = 2.0  # density of the lattice fluid, likewise; its inverse is the least one
 CURE = "a smaller fluid.relaxation_time or fluid.time_step makes steps shorter, a weaker force the fluid slower"
 NEAR_HALF = 0.55  # tau below which TRT and BGK hardly damp what solids make: shorter steps take it nearer to 1/2
-ENOUGH_OVERLAP = 0.01  # over the diameter: as linear contacts are meant
 MAX_DRIFT = 0.01  # change of the mean density of a fluid that cannot leave
 FEW = 2000  # numbers, of which another checksum is quicker
 MAX_JUMP = 1e-12  # the same between two looks where it stays to rounding: 1e-17 in 50 steps
@@ -78,12 +77,8 @@ def fault(seen: Diagnostics, fluid: Fluid | None, dem: Dem | None, max_overlap: 
     if dem and not dem.grains.are_as_made():
         return "a grain has another mass, inertia or radius than at the start, or leaves the plane: damaged memory"
     if dem and seen.overlap > max_overlap:
-        times, stiffness = seen.overlap / ENOUGH_OVERLAP, dem.law.stiffness
-        return (
-            f"grains overlap by {seen.overlap:.1%} of a diameter (limit {max_overlap:.0%}): contact.normal_stiffness = "
-            f"{times * stiffness:.2g} gives 1 % where a load or a flow presses them together, "
-            f"{times**2 * stiffness:.2g} where they strike"
-        )
+        way = stiffer(seen.overlap, dem.law.stiffness)
+        return f"grains overlap by {seen.overlap:.1%} of a diameter (limit {max_overlap:.0%}): {way}"
     if seen.fluid and abs(seen.fluid.drift) > MAX_DRIFT:
         way = seen.way_to_keep_mass()
         return f"the mean density of the fluid has changed by {seen.fluid.drift:.2%} (limit {MAX_DRIFT:.0%}){way}"

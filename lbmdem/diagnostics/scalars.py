@@ -1,6 +1,7 @@
 """Scalars of a run: sums over nodes and grains that are the same for any ranks, in SI units."""
 
 import logging
+import math
 
 from numpy.typing import NDArray
 
@@ -26,12 +27,23 @@ log = logging.getLogger("hpcpic.lbmdem")
 WARN_SPEED = 0.3  # nodes per step
 WARN_DRIFT = 1e-3  # change of the mean density of a closed fluid
 WARN_FALLBACKS = 0.01  # share of links that do not follow their rule
+ENOUGH_OVERLAP = 0.01  # over the diameter: as linear contacts are meant
+
+
+def stiffer(overlap: float, stiffness: float) -> str:
+    """What makes this overlap over the diameter small enough."""
+    times = overlap / ENOUGH_OVERLAP
+    return (
+        f"contact.normal_stiffness = {times * stiffness:.2g} gives 1 % where a load or a flow presses them together, "
+        f"{times**2 * stiffness:.2g} where they strike"
+    )
 
 
 class Diagnostics:
     """The scalars of a simulation with their `units`, and what the guard looks at.
 
-    heights: of the rows of this rank, m. fluid: its part. overlap: greatest one over diameter, at the last look.
+    heights: of the rows of this rank, m. fluid: its part. overlap: greatest one over diameter, at the last look;
+    expected_overlap: what is more is warned of.
     """
 
     def __init__(
@@ -57,6 +69,7 @@ class Diagnostics:
         self._flow = fluid
         self._warned: set[str] = set()
         self.overlap = 0.0
+        self.expected_overlap = ENOUGH_OVERLAP
         ends = sample_ends(table.x, table.radius, scene.config.domain.size[-1])
         n_slices = scene.config.output.stress_slices if grains else 0
         self.slices = slice_edges(*ends, 2.0 * float(table.radius.max(initial=0.0)), n_slices)
@@ -149,6 +162,10 @@ class Diagnostics:
         self.overlap = contact_network.greatest_overlap(dem)
         values = {"contact_count": float(contact_network.contact_count(dem)), "overlap": self.overlap}
         values["energy_kinetic_grains"] = contact_network.kinetic_energy(dem)
+        if (times := self.overlap / self.expected_overlap) > 1.0:  # told again at twice as much
+            text = f"grains overlap by {self.overlap:.1%} of a diameter, which check did not tell: "
+            text += stiffer(self.overlap, dem.law.stiffness)
+            self._warn_once(f"overlap {int(math.log2(times))}", True, text, step)
         for name, wall in self._met.items():
             force = contact_network.wall_force(dem, wall)
             values |= {f"contact_{name}_{axis}": float(f) for axis, f in zip(self._axes, force)}

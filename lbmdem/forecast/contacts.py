@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,6 +119,13 @@ def overlaps(config: LbmDemConfig) -> Iterator[Derived]:
             filmed = bool(config.fluid and config.coupling.lubrication)  # which brakes it too
             source = f"linear spring and dashpot, {how}"
             yield overlap("overlap at impact", share, source, cure, key, told_only=free or filmed)
+
+
+@lru_cache(maxsize=8)  # many grains take a while
+def foretold_overlap(config: LbmDemConfig) -> float:
+    """The deepest overlap over a diameter that `check` tells of a case."""
+    told = [*overlaps(config), *overlap_at_start(config)]
+    return max([number.value for number in told if number.symbol == "delta/d"], default=0.0)
 
 
 def overlaps_of_falls(config: LbmDemConfig) -> list[tuple[float, str]]:

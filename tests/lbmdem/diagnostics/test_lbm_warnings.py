@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import pytest
 from app_runner import running
 
+from hpcpic.core.case import accelerations
 from lbmdem.diagnostics.guard import CURE, fault
 
 CLOSED = """
@@ -60,6 +61,33 @@ fluid = { density = 1000.0; kinematic_viscosity = 1.0e-4; body_force = [0.0, 0.0
 grains = ({ diameter = 6.59e-4; moving = false;
             position = ([0.0, 0.0, 0.0], [0.0, 5e-4, 5e-4], [5e-4, 0.0, 5e-4], [5e-4, 5e-4, 0.0]); });
 """
+
+
+PRESSED = """
+simulation = { end_time = 0.2; };
+domain = { size = [4.0e-3, 4.0e-3]; };
+grains = ({ diameter = 1.0e-3; density = 2000.0; position = [2.0e-3, 5.1e-4]; acceleration = "pressing"; });
+contact = { normal_stiffness = 1e3; damping = 0.3; friction = 0.0; };
+"""
+
+
+def pressing(x, v, t):
+    """Towards the floor, the more the later: 0.2 diameters of overlap a second."""
+    return 0.0, -127.0 * t, 0.0
+
+
+@pytest.mark.parametrize(("stiffness", "told"), [(1e3, ["1.0%", "2.0%"]), (1e4, [])])
+def test_overlaps_that_check_did_not_foretell_are_told_as_they_double(world, caplog, stiffness, told):
+    accelerations.register("pressing", pressing)
+    with running(world, "lbmdem", PRESSED, (f"contact.normal_stiffness={stiffness}",)) as app:
+        while app.time < 0.15:
+            app.step()
+            if app.iteration % 20 == 0:
+                app.scalars()
+        deepest = app.scalars()["overlap"]
+    texts = [one.getMessage() for one in caplog.records if "grains overlap" in one.getMessage()]
+    assert [text.split(" of a")[0].split()[-1] for text in texts] == (told if world.rank == 0 else [])
+    assert all("normal_stiffness" in text for text in texts) and deepest == pytest.approx(30.0 / stiffness, rel=0.05)
 
 
 @pytest.mark.parametrize("spacing, share, lost", [(1e-4, "51.7%", "45 %"), (5e-5, "15.6%", "7 %")])
