@@ -88,7 +88,11 @@ class Fluid(Section):
     start: Start | None = None
     acceleration: str = setting("", MEANING, "m/s2")
     disorder: float = setting(
-        0.0, "particles start off their lattice by up to this share of the spacing along each axis", ge=0, le=0.25
+        0.0,
+        "particles start off their lattice by up to this share of the spacing along each axis; those of one liquid "
+        "at rest under gravity are evened out then, which leaves half of it",
+        ge=0,
+        le=0.25,
     )
     thin_layer: Literal["refuse", "one layer"] = setting(
         "refuse", "a box thinner than the spacing: refuse it, or fill it with one layer of reduced mass"

@@ -11,10 +11,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hpcpic.core.case.derived import Derived, Verdict, judged
+from hpcpic.core.case.derived import Derived, judged
 from sph.case import geometry
 from sph.case.config import SphConfig
 from sph.setup.flows import at_rest, heights
+from sph.setup.rigid.packing import rests_disordered
 from sph.setup.scene import Scene, Wall
 from sph.setup.speeds import heights_of
 
@@ -26,24 +27,22 @@ STRESS = 3.0  # mu v / R: of slow flow on a cylinder between others or beside wa
 PULLED = 2.5  # rho a R: where a body force does
 MOST = 0.05
 RINGING = (1.3, 1.5, 2.0), (0.41, 0.29, 0.12)  # by h/dp: p of still water, 100 dp deep, over rho c0 sqrt(g H) disorder
-MOST_RINGING = 0.1  # of the pressure at the bottom
 
 
 def ringing(config: SphConfig, scene: Scene) -> Iterator[Derived]:
-    """Sound that disordered liquids make under their own weight: particles off their places are pressed to others."""
+    """Sound that liquids make under their own weight which start disordered and are not evened out: particles off their
+    places are pressed to others. No limit, as a perfect lattice is stiff where two liquids meet.
+    """
     g = float(np.linalg.norm(scene.gravity))
-    for i, fluid in enumerate(config.fluid):
-        depth = heights(scene, fluid)[1] - heights(scene, fluid)[0] if g else 0.0
-        if depth > 0.0 and fluid.disorder and at_rest(fluid) and not fluid.gas:
-            rings = float(np.interp(config.numerics.smoothing, *RINGING)) * config.sound_speed / math.sqrt(g * depth)
-            value = rings * fluid.disorder
-            wanted = scene.liquids.densities  # a perfect lattice at their interface is stiff
-            verdict: Verdict = "ok" if wanted or value <= MOST_RINGING else "warn"
-            yield Derived(f"sound that the disorder of {fluid.name} makes", "p/(rho g H)", value, "",
-                          "" if wanted else f"<= {MOST_RINGING:g}", verdict,
-                          "still water rings with it for seconds, measured",
-                          f"disorder = {MOST_RINGING / rings:.2g}" if verdict == "warn" else "",
-                          ("fluid", i, "disorder"))  # fmt: skip
+    for i, fluid in enumerate(scene.fluids):
+        section = fluid.section
+        depth = heights(scene, section)[1] - heights(scene, section)[0] if g else 0.0
+        if section.gas or not (depth and section.disorder and at_rest(section)) or rests_disordered(scene, fluid):
+            continue
+        rings = float(np.interp(config.numerics.smoothing, *RINGING)) * config.sound_speed / math.sqrt(g * depth)
+        yield Derived(f"sound that the disorder of {section.name} makes", "p/(rho g H)", rings * section.disorder, "",
+                      "", "ok", "still water rings with it for seconds, measured", "",
+                      ("fluid", i, "disorder"))  # fmt: skip
 
 
 def friction(config: SphConfig, scene: Scene) -> Iterator[Derived]:

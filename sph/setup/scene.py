@@ -42,7 +42,7 @@ from sph.setup.particle_lattices import (
 )
 from sph.setup.rigid.fit import Fitted, beside, fits
 from sph.setup.rigid.mass import rigid_of
-from sph.setup.rigid.packing import oblique, packed, share
+from sph.setup.rigid.packing import oblique, packed, rests_disordered, share
 from sph.setup.rigid.rings import Rings, is_round
 from sph.setup.rigid.surfaces import beside_a_film
 
@@ -219,7 +219,6 @@ class FluidSet:
     given: NDArray[np.float64] | None = None  # x[n, d] of the array that the case names
     oblique: list[Wall] = field(default_factory=list)  # that cut its lattice
     filled: float = 1.0  # its volume beside them, over that of the cells of its particles
-    packed: tuple[NDArray[np.int64], NDArray[np.float64]] | None = None  # ids[n] and x[n, d] of what has left it
 
     @property
     def n(self) -> int:
@@ -329,9 +328,8 @@ class Scene:
     def places(self, fluid: FluidSet, ids: NDArray) -> NDArray[np.float64]:
         """x[n, d] of particles of a fluid before repulsive walls move it."""
         x = self.from_lattice(fluid, ids)
-        if fluid.oblique:
-            fluid.packed = fluid.packed or packed(self, fluid)
-            own, there = fluid.packed
+        if len(ids) and (fluid.oblique or rests_disordered(self, fluid)):
+            own, there = packed(self, fluid, x)
             index = np.minimum(np.searchsorted(own, ids), len(own) - 1)
             x = np.where((own[index] == ids)[:, None], there[index], x)
         return x

@@ -1,9 +1,10 @@
 """Fluid at rest whose lattice a wall cuts, as round or inclined ones do, and boxes whose faces lie between its planes:
 it has the mass of the space that it fills, and its particles are packed evenly before the run (Colagrossi, Bouscasse,
-Antuono and Marrone 2012).
+Antuono and Marrone 2012). So are those of a liquid that starts with disorder, for some rounds.
 
-A lattice that is cut lies crowded in some places before the wall and leaves gaps in others. Densities have a history:
-where particles even out later, pressures lose what the crowd had in excess. So they even out first, at no pressure.
+A lattice that is cut lies crowded in some places before the wall and leaves gaps in others, and so does one that is
+disordered. Densities have a history: where particles even out later, pressures lose what the crowd had in excess, and
+the fluid rings. So they even out first, at no pressure.
 """
 
 import math
@@ -16,14 +17,14 @@ from hpcpic.core.space.shapes import lengths
 from sph.case.shapes import Shape
 from sph.physics.smoothing import SMOOTHING
 from sph.setup import obstacles, periodic_walls
-from sph.setup.particle_lattices import Grid, cross, flagged
+from sph.setup.particle_lattices import Box, Grid, cross, flagged
 from sph.setup.rigid import fit
 from sph.setup.signed_distance import normals, signed_distance
 
 Reals = NDArray[np.float64]
 DEPTH = 6.0  # spacings before a wall in which particles are packed
-ROUNDS = 40
-PUSH, KEPT = 0.3, 0.9  # of h^2 sum V grad W that particles go in a round; of their last way that they go on
+BESIDE_WALLS, DISORDERED = (40, 0.3, 0.9), (10, 0.6, 0.0)  # rounds; part of h^2 sum V grad W that particles go in
+# one, and of their last way. The second leaves half of the disorder, and still water as quiet as on its lattice
 LONGEST = 0.1  # spacings in a round
 LEAST = 0.1  # spacings off a wall, whose particles leave gaps
 CLEAR = 0.9  # spacings off particles of a solid: nearer it pushes more, as in the run
@@ -39,10 +40,21 @@ def oblique(scene: Any, fluid: Any) -> list[Any]:
     """The walls and bodies beside which a fluid is packed: those with layers of particles, at rest or not, that cut its
     lattice where it lies at rest under gravity; tanks that are boxes do not.
     """
-    section = fluid.section
-    if fluid.given is not None or section.initial_pressure != "hydrostatic" or not scene.gravity.any():
+    if not _presses(scene, fluid):
         return []
     return [wall for wall in scene.walls if fluid.n and fit.fits(wall) and _cuts(wall, fluid)]
+
+
+def rests_disordered(scene: Any, fluid: Any) -> bool:
+    """Whether a liquid rests disordered under gravity and is evened out: not beside another, for what is left of its
+    disorder is little, and an interface of lattices is stiff.
+    """
+    return _presses(scene, fluid) and bool(fluid.section.disorder) and not scene.liquids.densities
+
+
+def _presses(scene: Any, fluid: Any) -> bool:
+    """Whether a fluid starts with the pressure of its depth, and not from arrays."""
+    return fluid.given is None and fluid.section.initial_pressure == "hydrostatic" and bool(scene.gravity.any())
 
 
 def _cuts(wall: Any, fluid: Any) -> bool:
@@ -107,20 +119,26 @@ def part_before(off: Reals, normal: Reals) -> Reals:
     return np.clip(total / (math.factorial(d) * np.prod(slopes, axis=1)), 0.0, 1.0)
 
 
-def packed(scene: Any, fluid: Any) -> tuple[NDArray[np.int64], Reals]:
+def packed(scene: Any, fluid: Any, asked: Reals) -> tuple[NDArray[np.int64], Reals]:
     """Ascending ids[n] of the particles of a fluid that are packed, and where they are, x[n, d] m. What surrounds them
     stays: particles of walls, the lattice deeper in the fluid, and the lattice as it would go on beyond its sides, half
-    a spacing clear of those that are askew.
+    a spacing clear of those that are askew. Of a disordered fluid all particles are packed that may have to do with
+    those at the points asked[., d] of the lattice, the least that a rank can do: the others along its slab are not.
     """
-    step, reach, depth, shape = fluid.step, scene.support, DEPTH * fluid.step, fluid.section.shape
+    step, reach, shape = fluid.step, scene.support, fluid.section.shape
+    whole = rests_disordered(scene, fluid)
+    depth, far = (2 * scene.diagonal, scene.diagonal) if whole else (DEPTH * step, DEPTH * step + reach + step)
 
     def off(x: Reals) -> Reals:
-        far = depth + reach + step
-        return np.min([side * signed_distance(shape, x, far) for shape, side in sides_of(fluid)], axis=0)
+        found = np.full(len(x), far)
+        for one, side in sides_of(fluid):
+            np.minimum(found, side * signed_distance(one, x, far), out=found)
+        return found
 
     more = np.where(_all_round(scene, fluid), 0, math.ceil(reach / step))
     grid = Grid(tuple(_longer(line, step, n) for line, n in zip(fluid.grid.coordinates, more)))
-    flat = flagged(grid, None, lambda x: np.abs(off(x) - depth / 2) < depth / 2 + reach)
+    box = _around(scene, fluid, asked) if whole else None
+    flat = flagged(grid, box, lambda x: np.abs(off(x) - depth / 2) < depth / 2 + reach)
     at, x = grid.unflat(flat) - more, grid.points(grid.unflat(flat))
     inside, apart = np.flatnonzero(np.all((at >= 0) & (at < fluid.grid.shape), axis=1)), off(x)
     index = fluid.grid.flat(at[inside])
@@ -137,7 +155,23 @@ def packed(scene: Any, fluid: Any) -> tuple[NDArray[np.int64], Reals]:
     low, high = np.where(scene.periodic, scene.low, low), np.where(scene.periodic, scene.high, high)
     solid = [wall.near(low, high)[1] for wall in scene.walls if wall.rule.layered]
     x = np.concatenate([own[free], own[~free], beyond, *solid])
-    return ids[free], spread(scene, fluid, x, int(np.count_nonzero(free)), sum(map(len, solid)))
+    first = np.minimum([line[0] for line in grid.coordinates], scene.low) - 2 * reach if whole else None
+    return ids[free], spread(scene, fluid, x, int(np.count_nonzero(free)), sum(map(len, solid)), first)
+
+
+def _around(scene: Any, fluid: Any, asked: Reals) -> Box:
+    """The box of the points that may have to do with those asked[n, d], from one end of the domain to the other but for
+    the axis of the slabs.
+    """
+    low, high = np.full(scene.dimensions, -math.inf), np.full(scene.dimensions, math.inf)
+    if not scene.periodic[0]:
+        margin = (_rounds(fluid)[0] + 1) * (scene.support + fluid.step)
+        low[0], high[0] = asked[:, 0].min() - margin, asked[:, 0].max() + margin
+    return low, high
+
+
+def _rounds(fluid: Any) -> tuple[int, float, float]:
+    return BESIDE_WALLS if fluid.oblique else DISORDERED
 
 
 def _all_round(scene: Any, fluid: Any) -> NDArray[np.bool_]:
@@ -165,18 +199,21 @@ def _in_walls(scene: Any, fluid: Any, x: Reals) -> NDArray[np.bool_]:
     return found
 
 
-def spread(scene: Any, fluid: Any, x: Reals, n: int, solids: int) -> Reals:
-    """Where the first n of the points x[., d] come to as they go down the slope of sum W. The last are of solids."""
+def spread(scene: Any, fluid: Any, x: Reals, n: int, solids: int, first: Reals | None) -> Reals:
+    """Where the first n of the points x[., d] come to as they go down the slope of sum W. The last are of solids. The
+    same bits of any part of all points need the same corner first[d] of the cells; by default it is that of the points.
+    """
     step, d, reach, period = fluid.step, scene.dimensions, scene.support, scene.high - scene.low
     sides = [(shape, side, LEAST * step) for shape, side in sides_of(fluid)]
-    if fluid.section.shape.box:
+    if fluid.oblique and fluid.section.shape.box:
         sides.append((periodic_walls.endless(fluid.section.shape, scene.config.domain), -1.0, 0.5 * step))
     left = np.full((len(sides), n), -np.inf)  # m that particles can go before they may be too near to a side
-    gain = PUSH * abs(SMOOTHING["wendland2"].factor(d)) * (SMOOTHING["wendland2"].support * step / reach) ** d
+    rounds, push, kept = _rounds(fluid)
+    gain = push * abs(SMOOTHING["wendland2"].factor(d)) * (SMOOTHING["wendland2"].support * step / reach) ** d
     way = np.zeros((n, d))
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         before = x[:n].copy()
-        way = KEPT * way + gain * slopes(scene, x, n, solids)
+        way = kept * way + gain * slopes(scene, x, n, solids, first)
         way *= np.minimum(1.0, LONGEST * step / np.maximum(lengths(way), 1e-300))[:, None]
         x[:n] += way
         left -= lengths(way)
@@ -191,11 +228,11 @@ def spread(scene: Any, fluid: Any, x: Reals, n: int, solids: int) -> Reals:
     return x[:n].copy()  # without the points around them
 
 
-def slopes(scene: Any, x: Reals, n: int, solids: int) -> Reals:
+def slopes(scene: Any, x: Reals, n: int, solids: int, first: Reals | None = None) -> Reals:
     """sum (1 - r / reach)^3 r_ij [n, d] over the points x[., d] for the first n, m: that of Wendland's C2 kernel; the
     last points, of solids, keep a core clear.
     """
-    from sph.kernels.packing import N, into_cells, pushes  # cases without oblique walls load no compiler
+    from sph.kernels.packing import N, into_cells, pushes  # other cases load no compiler
 
     reach, d = scene.support, scene.dimensions
     solid = np.arange(len(x)) >= len(x) - solids
@@ -204,7 +241,7 @@ def slopes(scene: Any, x: Reals, n: int, solids: int) -> Reals:
         below, above = x[:, k] < scene.low[k] + reach, x[:, k] >= scene.high[k] - reach
         x = np.concatenate([x, x[below] + period, x[above] - period])
         solid = np.concatenate([solid, solid[below], solid[above]])
-    low, edge, shape = x.min(axis=0), reach / 2, np.ones(3, np.int64)
+    low, edge, shape = x.min(axis=0) if first is None else first, reach / 2, np.ones(3, np.int64)
     shape[3 - d :] = ((x.max(axis=0) - low) / edge).astype(np.int64) + 1
     start, order = np.empty(np.prod(shape) + 1, np.int32), np.empty(len(x), np.int32)
     placed, found = np.zeros((4, len(x) + N)), np.empty((n, d))
