@@ -1,8 +1,8 @@
 """Small runs of any simulator for tests, in processes of their own, many per launch.
 
-`mpirun -n R python app_runner.py JOBS.json` makes every job of a list on its R ranks; rank 0 prints what came out as
-one line of JSON. A job is a dict: program, case (text), sets, threads, steps, and optionally `save` (folder for a
-checkpoint at the end) or `resume` (folder to go on from).
+`mpirun -n R python app_runner.py JOBS.json` makes every job of a list, on its R ranks or on the first of them; rank 0
+prints what came out as one line of JSON. A job is a dict: program, case (text), sets, threads, steps, and optionally
+`ranks` (how many), `save` (folder for a checkpoint at the end) or `resume` (folder to go on from).
 """
 
 from __future__ import annotations
@@ -13,9 +13,10 @@ import os
 import re
 import subprocess
 import sys
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from itertools import product
+from itertools import groupby, product
 from pathlib import Path
 from typing import Any
 
@@ -130,25 +131,29 @@ def check_same(folder: Path, jobs: Mapping[str, Mapping[str, Any]], launches: Se
     """Every job ends with the same digest and scalars in all launches.
 
     A launch = (ranks, changes (threads, sets) of whole runs, change of the next part of a run that goes on from where
-    the launch before has left it, if any): all parts together are one more run.
+    the launch before has left it, if any): all parts together are one more run. One program makes them all, on as many
+    of its ranks as each wants: kernels are read and libraries imported once a rank.
     """
-    found: dict[str, dict[str, Any]] = {name: {} for name in jobs}
+    asked: list[tuple[str, str, dict[str, Any]]] = []
     parts, k = sum(part is not None for *_, part in launches), 0
     for ranks, changes, part in launches:
-        every = product(jobs.items(), changes)
-        asked = [(name, f"{ranks} ranks, {one}", {**job, **changed(job, one)}) for (name, job), one in every]
+        on = {"ranks": ranks}
+        for (name, job), one in product(jobs.items(), changes):
+            asked.append((name, f"{ranks} ranks, {one}", {**job, **changed(job, one), **on}))
         if part is not None:
             k += 1
-            asked += [(name, f"part {k}", part_of(folder, name, job, part, k, parts)) for name, job in jobs.items()]
-        made = outcomes(folder, ranks, [job for *_, job in asked])
-        for (name, cut, job), one in zip(asked, made, strict=True):
-            if job["steps"] == jobs[name]["steps"]:
-                found[name][cut] = one
-    for name, made in found.items():
-        first = next(iter(made.values()))
-        others = {cut: one["scalars"].items() - first["scalars"].items() for cut, one in made.items() if one != first}
+            for name, job in jobs.items():
+                asked.append((name, f"part {k}", part_of(folder, name, job, part, k, parts) | on))
+    made = outcomes(folder, max(ranks for ranks, *_ in launches), [job for *_, job in asked])
+    found: dict[str, dict[str, Any]] = {name: {} for name in jobs}
+    for (name, cut, job), one in zip(asked, made, strict=True):
+        if job["steps"] == jobs[name]["steps"]:
+            found[name][cut] = one
+    for name, runs in found.items():
+        first = next(iter(runs.values()))
+        others = {cut: one["scalars"].items() - first["scalars"].items() for cut, one in runs.items() if one != first}
         assert not others, f"{name} differs from the first launch by its digest, and by these scalars: {others}"
-    assert len({next(iter(made.values()))["digest"] for made in found.values()}) == len(jobs)  # it tells them apart
+    assert len({next(iter(runs.values()))["digest"] for runs in found.values()}) == len(jobs)  # it tells them apart
 
 
 def changed(job: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
@@ -164,6 +169,19 @@ def part_of(folder: Path, name: str, job: Mapping[str, Any], change: Mapping[str
     return part | ({"resume": str(kept)} if k > 1 else {})
 
 
+def first_ranks(world: Any, n: int) -> Any:
+    """The first n ranks as a world of their own, None on the others. Collective; who comes early naps until all have
+    come, as ranks that wait for a message take the time of those that work.
+    """
+    from hpcpic.core.comm.world import World, load_mpi
+
+    come = world.comm.Ibarrier()
+    while not come.Test():
+        time.sleep(2e-3)
+    comm = world.comm.Split(0 if world.rank < n else 1)
+    return World(comm, comm.Split_type(load_mpi().COMM_TYPE_SHARED)) if world.rank < n else None
+
+
 def main(path: str) -> int:
     from hpcpic.core.comm.world import World
     from hpcpic.core.run.failure import guarded
@@ -171,7 +189,11 @@ def main(path: str) -> int:
     world = World.start()
 
     def every_job(_failure: Any) -> int:
-        made = [outcome(world, job) for job in json.loads(Path(path).read_text())]
+        made = []
+        for ranks, jobs in groupby(json.loads(Path(path).read_text()), lambda job: job.get("ranks", world.size)):
+            if part := first_ranks(world, ranks):
+                made += [outcome(part, job) for job in jobs]
+        first_ranks(world, world.size)
         if world.rank == 0:
             sys.stdout.write(json.dumps(made) + "\n")
         return 0
