@@ -1,6 +1,7 @@
 """Inlets and outlets: boxes in which the flow is prescribed. Points x[n, d] m and vectors are in physical axes.
 
-A head is p / rho of fluid at rest, in m2/s2, of which an opening knows the slope across its axis: by gravity.
+A head is the integral of dp / rho of fluid at rest, in m2/s2, of which an opening knows the slope across its axis: by
+gravity.
 """
 
 import itertools
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from hpcpic.core.space.products import product
 from sph.case.config import AXES
 from sph.case.openings import Inlet, Opening, Outlet
+from sph.physics.equation_of_state import EquationOfState
 from sph.setup.particle_lattices import Grid, even
 
 SIGMA = 0.25  # of the speed of sound over the length of the domain: how fast an outlet returns to its pressure
@@ -27,6 +29,7 @@ class Liquid(Protocol):
     dimensions: int
     spacing: float
     support: float
+    eos: EquationOfState
     rho0: float
     c0: float
     low: NDArray[np.float64]
@@ -186,7 +189,8 @@ class Sink(Place):
     def __init__(self, scene: Liquid, section: Outlet) -> None:
         super().__init__(scene, section, into=False)
         self.section, self.has_surface = section, section.level is not None
-        self.head = section.pressure / scene.rho0 if section.level is None else self.at_level(section.level)
+        level, pressure = section.level, section.pressure
+        self.head = float(scene.eos.head(scene.eos.excess(pressure))) if level is None else self.at_level(level)
         self.c0, self.wave = scene.c0, 0.0
         length = (self.high - self.low)[self.axis]
         self.spare = max(float(length) - scene.support, scene.spacing)

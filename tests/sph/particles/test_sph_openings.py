@@ -288,6 +288,13 @@ def test_check_tells_how_much_the_pressure_of_an_outlet_compresses(pressure, ver
         assert line.verdict == "ok"
 
 
+def test_an_outlet_holds_its_pressure_where_that_compresses_its_fluid():
+    """5 % of rho0 c0^2. As p / rho0 its head would hold 2.5 % more."""
+    scene = engine(**(FLOW | {"more": f"{WALLS} {inlet()} {outlet('pressure = 5000.0;')}"})).scene
+    held = scene.eos.pressure(scene.eos.excess_at_head(np.array(scene.outlets[0].head)))
+    assert held == pytest.approx(5000.0, rel=1e-12)
+
+
 def test_a_stream_in_space_against_an_axis_stays_uniform():
     box, high = [0.3, 0.3, 0.8], [0.3, 0.3, 0.15]
     walls = f"""wall = ( {{ shape = {{ box = {{ low = [0.0, 0.0, 0.0]; high = {box}; open = ["z-", "z+", "x-", "x+"];
