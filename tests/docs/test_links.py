@@ -1,4 +1,4 @@
-"""Pages can be read where the sources lie: every relative link leads to a file of the repository."""
+"""Pages can be read where the sources lie: relative links lead to files of the repository, and to headings there."""
 
 import json
 import re
@@ -6,7 +6,6 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 LINK = re.compile(r"\]\(([^)\s]+)\)|(?:src|href)=\"([^\"]+)\"")
-OUTSIDE = re.compile(r"[a-z]+:|#")  # https:, mailto:, a place of the page itself
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "docs").rglob("*.ipynb")])
 
 
@@ -17,16 +16,24 @@ def prose(page: Path) -> str:
     return "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown")
 
 
-def test_every_relative_link_leads_to_a_file_of_the_repository():
+def anchors(page: Path) -> set[str]:
+    """Names of the headings of a page, as the site makes them."""
+    headings = re.findall(r"^#+ (.*)$", prose(page), re.MULTILINE)
+    return {re.sub(r"[\s-]+", "-", re.sub(r"[^\w\s-]", "", heading).strip().lower()) for heading in headings}
+
+
+def test_every_relative_link_leads_to_a_file_of_the_repository_and_to_a_heading_of_it():
     dead, seen = [], 0
     for page in PAGES:
         for link in LINK.finditer(prose(page)):
-            target = (link[1] or link[2]).partition("#")[0]
-            if target and not OUTSIDE.match(target):
-                seen += 1
-                file = (page.parent / target).resolve()
-                if not file.exists() or not file.is_relative_to(ROOT):
-                    dead.append(f"{page.relative_to(ROOT)}: {target}")
+            target, _, heading = (link[1] or link[2]).partition("#")
+            if re.match(r"[a-z]+:", target):
+                continue
+            seen += 1
+            file = (page.parent / target).resolve() if target else page
+            there = file.exists() and file.is_relative_to(ROOT)
+            if not there or (heading and file.suffix == ".md" and heading not in anchors(file)):
+                dead.append(f"{page.relative_to(ROOT)}: {target}#{heading}")
     assert not dead and seen > 100
 
 
