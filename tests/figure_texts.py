@@ -25,8 +25,6 @@ def unreadable(figure: Figure) -> list[str]:
     texts = [text for text in texts if text.get_visible() and text.get_text().strip()]
     places = [(text.get_text(), text.get_window_extent(renderer).padded(-2)) for text in texts]
     x0, y0, x1, y1 = figure.bbox.extents
-    outside = [
-        words for words, at in places if not (x0 <= at.x0 and at.x1 <= x1 and y0 <= at.y0 and at.y1 <= y1)
-    ]
+    outside = [words for words, at in places if not (x0 <= at.x0 and at.x1 <= x1 and y0 <= at.y0 and at.y1 <= y1)]
     covered = [f"{a} / {b}" for (a, place), (b, other) in combinations(places, 2) if place.overlaps(other)]
     return outside + covered

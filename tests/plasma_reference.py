@@ -95,8 +95,7 @@ def _facts(config: PlasmaConfig) -> dict:
         "peak_memory_mib_per_rank": 180.0,
         "estimate": {"memory_mib_per_rank": 170.0, "step_ms": 1.4, "wall_seconds": 2.0},
         "timers": {
-            k: {"min": 0.9 * v, "avg": v, "max": 1.1 * v, "share": v / 1.9, "calls": 400}
-            for k, v in timers.items()
+            k: {"min": 0.9 * v, "avg": v, "max": 1.1 * v, "share": v / 1.9, "calls": 400} for k, v in timers.items()
         },
         "conservation": {
             "charge": {"first": -1.0, "last": -1.0, "change": 0.0, "relative": 0.0},

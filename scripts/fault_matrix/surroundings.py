@@ -21,7 +21,7 @@ from hpcpic.core.files.arrays import Shard
 from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.run import checkpoint
 
-NAMES = ("-o it's \"x\" $HOME `id` *", "ünï→粒子\nline", "n" * 250)  # of run folders
+NAMES = ('-o it\'s "x" $HOME `id` *', "ünï→粒子\nline", "n" * 250)  # of run folders
 TOO_LONG = ("n" * 256, "/".join(["n" * 200] * 25))
 SIGNALS = ("SIGHUP", "SIGUSR2", "SIGXCPU")  # which batch systems and terminals send
 

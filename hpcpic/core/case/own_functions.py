@@ -52,9 +52,7 @@ def plain(function: Any) -> Any:
     return getattr(function, "py_func", function)
 
 
-def fault(
-    function: Any, arguments: Mapping[str, Any], returned: Callable[[Any], bool], wanted: str
-) -> str:
+def fault(function: Any, arguments: Mapping[str, Any], returned: Callable[[Any], bool], wanted: str) -> str:
     """FILE:LINE: NAME: what is wrong; "" of a function that numba compiles.
 
     arguments: their names and numba types. returned: whether the type that comes back is one of those `wanted`.

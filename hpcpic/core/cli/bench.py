@@ -11,18 +11,14 @@ import click
 from hpcpic.core.app.app import AppLoader
 from hpcpic.core.app.text import shown, table
 
-TRIAD_BYTES = (
-    24  # STREAM's convention: two reads and a write of float64, the fetch before the write not counted
-)
+TRIAD_BYTES = 24  # STREAM's convention: two reads and a write of float64, the fetch before the write not counted
 UPDATE_BYTES = 16
 
 
 def make_bench_command(app_loader: AppLoader) -> click.Command:
     @click.command("bench")
     @click.option("--quick", is_flag=True, help="Small arrays and few repeats: about five seconds.")
-    @click.option(
-        "--threads", type=click.IntRange(1), help="Threads per rank.  [default: the node's cores shared]"
-    )
+    @click.option("--threads", type=click.IntRange(1), help="Threads per rank.  [default: the node's cores shared]")
     def bench(quick: bool, threads: int | None) -> int:
         """Measure bandwidth and kernel rates of this machine and keep them for `estimate`.
 

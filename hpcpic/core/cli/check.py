@@ -87,9 +87,7 @@ def make_check_command(app_loader: AppLoader) -> click.Command:
     @shape_options
     @click.option("--plan", is_flag=True, help="Also list kernels, arrays and messages of a step, and imports.")
     @click.option("--kernel", metavar="NAME", help="Print the source of a kernel written for CASE; list: their names.")
-    def check(
-        case: str, sets: tuple[str, ...], ranks: int, threads: int, plan: bool, kernel: str | None
-    ) -> None:
+    def check(case: str, sets: tuple[str, ...], ranks: int, threads: int, plan: bool, kernel: str | None) -> None:
         """Validate a case; print every derived number with its limit, verdict and source.
 
         Exit code 2 when a key is wrong, 3 when a number is beyond its limit.

@@ -103,9 +103,7 @@ class _Job:
 
     def do(self, prepare: Prepare) -> int:
         """Agree on a plan, and carry it out; the exit code. Raises Agreed."""
-        collected = log.start(
-            self.world.rank, self.world.size, logging.WARNING if self.flags.quiet else logging.INFO
-        )
+        collected = log.start(self.world.rank, self.world.size, logging.WARNING if self.flags.quiet else logging.INFO)
         stop = Stop(self.failure.stop_now)
         log_file = None
         try:

@@ -94,6 +94,7 @@ def within(app: App) -> Start:
 
     Standard output goes to the file `stdout`, and errors too.
     """
+
     def start(program: Sequence[str], arguments: Sequence[str], ranks: int, *, stdout: IO[str], stderr: int) -> int:
         assert ranks == 1
         kept, argv = os.dup(1), sys.argv

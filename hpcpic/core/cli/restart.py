@@ -25,9 +25,7 @@ if TYPE_CHECKING:
 def make_restart_command(app_loader: AppLoader) -> click.Command:
     @click.command("restart")
     @click.argument("folder", metavar="DIR")
-    @click.option(
-        "--until", type=float, metavar="T", help="Go on to this time [s] instead of the case's end."
-    )
+    @click.option("--until", type=float, metavar="T", help="Go on to this time [s] instead of the case's end.")
     @set_option
     @job_options
     def restart(
@@ -98,9 +96,7 @@ def case_of(
     for assignment in sets:
         key = assignment.partition("=")[0].strip()
         if not app.may_change(key):
-            raise ConfigError(
-                f"{assignment}: a restart cannot change {key}; it can change {', '.join(app.free)}"
-            )
+            raise ConfigError(f"{assignment}: a restart cannot change {key}; it can change {', '.join(app.free)}")
     before = app.configure(load(rundir.config))
     if until is not None:
         forwards = app.time_step is None or app.time_step(before) > 0

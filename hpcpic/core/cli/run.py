@@ -45,9 +45,7 @@ def job_options(command: Callable) -> Callable:
             metavar="HH:MM:SS",
             help="Stop with a checkpoint before this much time is over.",
         ),
-        click.option(
-            "--threads", type=click.IntRange(1), help="Threads per rank.  [default: the node's cores shared]"
-        ),
+        click.option("--threads", type=click.IntRange(1), help="Threads per rank.  [default: the node's cores shared]"),
     ):
         command = option(command)
     return command
@@ -56,9 +54,7 @@ def job_options(command: Callable) -> Callable:
 def make_run_command(app_loader: AppLoader) -> click.Command:
     @click.command("run")
     @click.argument("case")
-    @click.option(
-        "-o", "--output", metavar="DIR", help="Run folder.  [default: the case's output.path, or runs/CASE]"
-    )
+    @click.option("-o", "--output", metavar="DIR", help="Run folder.  [default: the case's output.path, or runs/CASE]")
     @set_option
     @use_option
     @job_options

@@ -313,9 +313,7 @@ class ParticlesWriter(_Temporal):
                 root["PointData/species"].attrs[name] = np.array(values)
         for name in ("PartOffsets", "NumberOfParts", "PointOffsets"):
             _counts(steps, name)
-        _link(
-            steps, "PointOffsets", [_offset_name(name) for name in described if name.startswith("PointData/")]
-        )
+        _link(steps, "PointOffsets", [_offset_name(name) for name in described if name.startswith("PointData/")])
         _counts(steps, "CellOffsets", (len(CELL_KINDS),))
         _link(steps, "CellOffsets", ["ConnectivityIdOffsets"])
         _counts(root, "NumberOfPoints")

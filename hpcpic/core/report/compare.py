@@ -147,9 +147,7 @@ def difference(what: str, a: NDArray, b: NDArray, scale: float = 0.0) -> Differe
     largest = max(_largest(a), scale)
     most = float(apart.max())
     relative = 0.0 if most == 0 else most / largest if largest else float("inf")
-    return Difference(
-        what, most, float(np.sqrt(np.mean(apart**2))), relative if relative == relative else float("inf")
-    )
+    return Difference(what, most, float(np.sqrt(np.mean(apart**2))), relative if relative == relative else float("inf"))
 
 
 def _largest(a: NDArray) -> float:

@@ -64,10 +64,7 @@ def _overlays(runs: Mapping[str, Run]) -> list[Drawn]:
     for name in next(iter(runs.values())).series:
         if len(drawn) == OVERLAYS or not all(name in names for names in common):
             continue
-        if all(
-            run.series[name].size == 0 or (run.series[name] == run.series[name][0]).all()
-            for run in runs.values()
-        ):
+        if all(run.series[name].size == 0 or (run.series[name] == run.series[name][0]).all() for run in runs.values()):
             continue
         try:
             figure = overlay_figure(runs, name)

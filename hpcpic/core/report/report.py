@@ -267,5 +267,3 @@ def _provenance(facts: Mapping[str, Any]) -> dict[str, str]:
         "state digest": str(facts.get("state_digest", "")),
     }
     return {name: text for name, text in found.items() if text}
-
-

@@ -285,9 +285,7 @@ class _Run:
             why += f" came before the first step: the start alone took {time.monotonic() - self.options.started:.1f} s"
         return "stopped", 5, f"{why}; go on with: {self.options.replay}"
 
-    def facts(
-        self, status: str, code: int, reason: str, loop_seconds: float, loop_compiling: float
-    ) -> dict[str, Any]:
+    def facts(self, status: str, code: int, reason: str, loop_seconds: float, loop_compiling: float) -> dict[str, Any]:
         """What run.json says at the end. Collective; timers are on rank 0 only."""
         model, options, world = self.model, self.options, self.world
         wall = time.monotonic() - options.started

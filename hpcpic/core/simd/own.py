@@ -1,5 +1,4 @@
-"""Registries of what cases may name, as smoothing kernels or loaders, also from files of the user: a run keeps a copy.
-"""
+"""Registries of what cases may name, such as kernels or loaders, also from files of the user: a run keeps a copy."""
 
 import sys
 from collections.abc import Callable

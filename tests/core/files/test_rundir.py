@@ -163,9 +163,7 @@ def test_who_holds_a_folder_is_seen_as_far_as_it_can_be(tmp_path: Path, monkeypa
     assert RunDir(tmp_path).held() is None
 
 
-def test_a_folder_that_is_only_being_looked_at_is_not_in_use(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_folder_that_is_only_being_looked_at_is_not_in_use(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / ".lock").touch()
     with open(tmp_path / ".lock", "rb") as reader:
         fcntl.flock(reader, fcntl.LOCK_SH)
@@ -176,9 +174,7 @@ def test_a_folder_that_is_only_being_looked_at_is_not_in_use(
     held.unlock()
 
 
-def test_a_lock_that_its_holder_removes_is_taken_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_lock_that_its_holder_removes_is_taken_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The file that was opened has no name any more when it is locked: two could hold the folder."""
     flock, lock = fcntl.flock, tmp_path / ".lock"
 

@@ -193,6 +193,6 @@ def test_the_history_of_a_file_that_anybody_wrote(history):
 
 
 def test_a_path_is_one_word_of_the_shell_and_no_option():
-    for path in ("/a/b", "-o", "it's \"x\" $HOME `id` *", "a\nb"):
+    for path in ("/a/b", "-o", 'it\'s "x" $HOME `id` *', "a\nb"):
         (word,) = shlex.split(summary.shell_word(path))
         assert Path(word) == Path(path) and not word.startswith("-")
