@@ -132,3 +132,29 @@ def test_the_field_of_random_places_of_a_cold_plasma_is_as_told(dimensions, worl
     factor = float(re.search(r"or (\S+) times the particles", number.cure)[1])
     assert numbers([*sets, f"species[0].particles={int(4096 * factor * 1.01)}"], WAVE)[0]["W/W(0)"].verdict == "ok"
     assert "W/W(0)" not in numbers([*sets, "species[0].init_method=quiet"], WAVE)[0]
+
+
+PLANE = """
+simulation = { cycles = 1200; time_step = 0.2; space_length = [8.0, 6.0]; };
+grid = { points = [32, 24]; };
+field = { magnetic = [0.0, 0.0, 0.7]; };
+species = ( { name = "e"; charge = -1.0; mass = 1.0; plasma_frequency = 1.0; particles_per_cell = 16;
+              init_method = "quiet"; perturbation = { mode = [1, 1]; amplitude = 0.01; }; } );
+"""
+
+
+@pytest.mark.parametrize(
+    "sets, warm",
+    [([], True), (["field.magnetic=[0, 0, 0]"], False), (["field.magnetic=[0.7, 0, 0]"], False),
+     (["numerics.cloud_radius=0.25"], False), (["simulation.cycles=400"], False)],
+)  # fmt: skip
+def test_a_cold_plasma_across_a_magnetic_field_is_heated_as_told(sets, warm, world):
+    """By aliases, 600 times the energy of its wave, of which nothing was told."""
+    number = numbers(sets, PLANE)[0].get("dW/W(0) in B")
+    assert (number is not None) == warm
+    with running(world, "hpcpic", configure(loads(PLANE, sets=sets))) as app:
+        before = app.scalars()["energy_total"]
+        for _ in range(app.n_steps):
+            app.step()
+        grown = app.scalars()["energy_total"] / before - 1
+    assert number.verdict == "warn" and 0.3 < number.value / grown < 3 if warm else abs(grown) < 0.5
