@@ -4,7 +4,7 @@ A change of the physics changes them knowingly: `python tests/validation/test_di
 same on every x86-64 processor with AVX2 and FMA: vectors hold 64 bytes on all of them, sums have an order, and sines
 and logarithms are those of the C library (core.space.elementary). That was tried on a processor with AVX-512, and there
 with all that chooses code by processor told otherwise: numba, numpy and OpenBLAS. Another C library may round
-logarithms otherwise.
+logarithms otherwise. On 64-bit ARM those of SPH and the lattice are the same, where FFTW rounds otherwise.
 """
 
 import json
