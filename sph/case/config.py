@@ -89,8 +89,8 @@ class Fluid(Section):
     acceleration: str = setting("", MEANING, "m/s2")
     disorder: float = setting(
         0.0,
-        "particles start off their lattice by up to this share of the spacing along each axis; those of one liquid "
-        "at rest under gravity are evened out then, which leaves half of it",
+        "particles start off their lattice by up to this share of the spacing along each axis; those of a liquid "
+        "that stays at rest under gravity are evened out then, which leaves half of it",
         ge=0,
         le=0.25,
     )

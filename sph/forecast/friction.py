@@ -31,7 +31,7 @@ RINGING = (1.3, 1.5, 2.0), (0.41, 0.29, 0.12)  # by h/dp: p of still water, 100 
 
 def ringing(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     """Sound that liquids make under their own weight which start disordered and are not evened out: particles off their
-    places are pressed to others. No limit, as a perfect lattice is stiff where two liquids meet.
+    places are pressed to others. No limit: a lattice is stiff where two liquids meet, and its fronts strike at once.
     """
     g = float(np.linalg.norm(scene.gravity))
     for i, fluid in enumerate(scene.fluids):

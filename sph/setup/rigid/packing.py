@@ -1,6 +1,7 @@
 """Fluid at rest whose lattice a wall cuts, as round or inclined ones do, and boxes whose faces lie between its planes:
 it has the mass of the space that it fills, and its particles are packed evenly before the run (Colagrossi, Bouscasse,
-Antuono and Marrone 2012). So are those of a liquid that starts with disorder, for some rounds.
+Antuono and Marrone 2012). So are those of a liquid that rests and starts with disorder, for
+some rounds.
 
 A lattice that is cut lies crowded in some places before the wall and leaves gaps in others, and so does one that is
 disordered. Densities have a history: where particles even out later, pressures lose what the crowd had in excess, and
@@ -14,12 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.space.shapes import lengths
+from sph.case.config import AXES
 from sph.case.shapes import Shape
 from sph.physics.smoothing import SMOOTHING
 from sph.setup import obstacles, periodic_walls
 from sph.setup.particle_lattices import Box, Grid, cross, flagged
 from sph.setup.rigid import fit
 from sph.setup.signed_distance import normals, signed_distance
+from sph.setup.tanks import open_sides
 
 Reals = NDArray[np.float64]
 DEPTH = 6.0  # spacings before a wall in which particles are packed
@@ -46,10 +49,15 @@ def oblique(scene: Any, fluid: Any) -> list[Any]:
 
 
 def rests_disordered(scene: Any, fluid: Any) -> bool:
-    """Whether a liquid rests disordered under gravity and is evened out: not beside another, for what is left of its
-    disorder is little, and an interface of lattices is stiff.
+    """Whether a liquid starts disordered, stays at rest under gravity, and is evened out. Not one that runs out beside
+    it, whose front would strike more at once; nor one beside another: what is left of its disorder is little, and an
+    interface of lattices is stiff.
     """
-    return _presses(scene, fluid) and bool(fluid.section.disorder) and not scene.liquids.densities
+    if not (_presses(scene, fluid) and fluid.section.disorder) or scene.liquids.densities:
+        return False
+    k = int(np.argmax(np.abs(scene.gravity)))
+    up = AXES[k] + "+-"[int(scene.gravity[k] > 0.0)]
+    return all(side == up for one in scene.config.fluid for side in open_sides(scene.config, one))
 
 
 def _presses(scene: Any, fluid: Any) -> bool:

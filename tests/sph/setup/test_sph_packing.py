@@ -248,6 +248,14 @@ def test_water_that_starts_disordered_rests_from_the_start_and_is_disordered_yet
     assert np.abs(np.array(pulls) - 1).max() < 0.02
 
 
+@pytest.mark.parametrize(("tank", "rests"), [("[0.3, 0.8]", True), ("[0.6, 0.8]", False)], ids=["held", "dam"])
+def test_water_that_runs_out_stays_disordered(tank, rests):
+    scene = Scene(configure(loads(DISORDERED.replace("[WIDTH, 0.8]", tank).replace("WIDTH", "0.3"))))
+    ids = np.arange(scene.n_fluid)
+    off = placed(scene)["x"] - scene.disordered(scene.fluids[0], scene.fluids[0].points(ids), ids)
+    assert (off == 0.0).all() != rests
+
+
 def test_a_part_of_water_that_is_evened_out_has_the_bits_of_the_whole():
     """As that of a rank, which packs no more than its part and 11 supports beside it."""
     scene = Scene(configure(loads(DISORDERED.replace("WIDTH", "4.0"))))
