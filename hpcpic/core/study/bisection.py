@@ -51,6 +51,10 @@ class Axis:
             return math.nan
         return self.number.stable_below if math.isfinite(self.number.stable_below) else self.number.stable_above
 
+    def as_theory(self, limit: Limit) -> bool:
+        """Whether a limit agrees with that of theory, if there is one."""
+        return self.number is not None and 1.0 / AGREE <= limit.x <= AGREE
+
     def over(self, numbers: Mapping[str, Derived]) -> float:
         """x of a case with these derived numbers."""
         assert self.number is not None
@@ -64,8 +68,9 @@ class Limit:
 
     stable: float | None
     unstable: float | None
-    slow: bool = False  # 4 times the horizon moves it by more than 5 %: no limit, a slow growth
-    late: bool = False  # it shows in the longer horizon alone, as of what starts at rest
+    slow: bool = False  # 4 times the horizon moves it by more than 5 %, not to theory's: no limit, a slow growth
+    late: bool = False  # of the longer horizon
+    shorter: float = math.nan  # x of the limit in the first horizon, where that is not it
     seeds: dict[int, bool] = field(default_factory=dict)  # seed -> same within 5 %
     tried: dict[float, float] = field(default_factory=dict)  # x -> growth, infinite of a run that diverged
     ended: str = ""  # what ended the least unstable run
@@ -174,13 +179,20 @@ class Limits:
         return limit
 
     def confirm(self, axis: Axis, limit: Limit) -> None:
-        """The longer horizon a little below the limit, and the other seeds on both sides of it."""
+        """The longer horizon a little below the limit, and, if that is stable, the other seeds on both sides of it."""
         name = axis.knob.name
         below, above = axis.size(limit.x / AGREE), axis.size(limit.x * AGREE)
         limit.slow = self.growth(self.run({name: below}, LONGER, words="four times as long")) > BLOWUP
-        for seed in SEEDS if self.knobs.seed else ():
+        for seed in SEEDS if self.knobs.seed and not limit.slow else ():
             quiet = self.growth(self.run({name: below}, seed=seed, words=f"seed {seed}")) <= BLOWUP
             limit.seeds[seed] = quiet and self.growth(self.run({name: above}, seed=seed, words=f"seed {seed}")) > BLOWUP
+
+    def lengthened(self, axis: Axis, shorter: Limit) -> Limit:
+        """The limit of the longer horizon, where the first has another one or none."""
+        start = 1.0 if axis.number is not None or not math.isfinite(shorter.x) else shorter.x / FIRST
+        limit = self.bisect(axis, start=start, longer=LONGER)
+        limit.slow, limit.shorter = shorter.slow and not axis.as_theory(limit), shorter.x
+        return limit
 
     def rates(self, axis: Axis) -> list[tuple[float, float]]:
         """(size, growth rate in 1/s) about the case's own size, over the longer horizon."""
