@@ -36,7 +36,7 @@ class ErrorConfig(Section):
     start: float = setting(0.0, "error that is drawn anew with the number of particles")
     limit: float = setting(0.5, "dt beyond which the energy grows")
     slow: float = setting(0.0, "growth rate at dt = limit/2, in proportion to dt", "1/s")
-    late: float = setting(0.0, "time at which it diverges at the limit, sooner beyond, where no energy grows before", "s")
+    late: float = setting(0.0, "time at which it diverges at the limit, sooner beyond; no energy grows before", "s")
     mode: int = setting(1, "scheme: 2 halves the error in dx, unless dt is turned too", ge=1, le=2)
     offset: float = setting(0.0, "error that no knob makes, always the same")
     dear: float = setting(1.0, "exponent of the cost of dx that is told")
