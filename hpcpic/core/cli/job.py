@@ -152,13 +152,13 @@ class _Job:
         settings = self.app.fixed_settings(tree)
         config = self.app.configure(tree)
         threads, timers = self.flags.threads or self.world.default_threads(), Timers()
-        crowd = crowded(self.world.node_size, threads, self.world.cores())
-        if crowd and self.world.rank == 0:
-            log.ROOT.warning(crowd)
         reader = self._checkpoint(rundir, config, settings) if self.plan.restart else None
         if reader and self.plan.finished and loop.at_end(config, reader.step, reader.time):
             self._say_nothing_to_do(reader)
             return 0
+        crowd = crowded(self.world.node_size, threads, self.world.cores())
+        if crowd and self.world.rank == 0:
+            log.ROOT.warning(crowd)
         patience = parse_wall(self.flags.patience)
         pool = Pool(threads, self.world.cpus(threads), POOL_PATIENCE * patience)
         try:
