@@ -8,7 +8,14 @@ over a grain's lines do not depend on which pairs beyond touch happen to be list
 
 from typing import Any, NamedTuple
 
-from hpcpic.core.physics.contact_law import dot, normal_force, regularised_friction, slip_velocity, spring_friction
+from hpcpic.core.physics.contact_law import (
+    dot,
+    normal_force,
+    regularised_friction,
+    slip_velocity,
+    spring_friction,
+    tangential,
+)
 from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.vector import (
     Vec,
@@ -30,6 +37,7 @@ from hpcpic.core.simd.vector import (
     store_lines,
 )
 from lbmdem.kernels.grains.films import resistance, shear_resistance
+from lbmdem.physics.lubrication import sheared_at_plane
 from lbmdem.sizes import LANES, ROW
 
 ROW_BYTES, LINE_BYTES = 8 * ROW, 64
@@ -134,7 +142,7 @@ def grain_pairs(part, pair_cuts, contacts, rows, box, law, film, dt):
         spin = fma(arm_j, t[0], arm_i * w[0]), fma(arm_j, t[1], arm_i * w[1]), fma(arm_j, t[2], arm_i * w[2])
         n, u = (dx * inverse, dy * inverse, dz * inverse), (s[0] - v[0], s[1] - v[1], s[2] - v[2])
         motion, resistances = Motion(n, overlap, u, spin), Resistances(squeezing, shearing)
-        contact(p, Masks(touch, near), motion, resistances, contacts, law, film, dt, 1.0)
+        contact(p, Masks(touch, near), motion, resistances, contacts, law, film, dt, False)
 
 
 @njit
@@ -161,14 +169,14 @@ def wall_pairs(part, wall_cuts, contacts, rows, walls, law, film, dt):
         inwards, u = (-n[0], -n[1], -n[2]), (s[0] - v[0], s[1] - v[1], s[2] - v[2])
         spin = arm * w[0], arm * w[1], arm * w[2]
         motion, resistances = Motion(inwards, overlap, u, spin), Resistances(squeezing, shearing)
-        contact(p, Masks(touch, near), motion, resistances, contacts, law, film, dt, 2.0)
+        contact(p, Masks(touch, near), motion, resistances, contacts, law, film, dt, True)
 
 
 @njit(forceinline=True)
-def contact(p, masks, motion, resistances, contacts, law, film, dt, heat):
+def contact(p, masks, motion, resistances, contacts, law, film, dt, at_plane):
     """Write the lines of the slots from p on: spring, dashpot and friction where they touch, else a film's forces.
 
-    heat: 2 when all the heat is the first one's.
+    at_plane: the second is a plane, and all the heat is the first one's.
     """
     touch, near, n, overlap, zero = masks.touch, masks.near, motion.n, motion.overlap, splat(F, 0.0)
     squeezing, shearing = resistances.squeezing, resistances.shearing
@@ -186,15 +194,22 @@ def contact(p, masks, motion, resistances, contacts, law, film, dt, heat):
         f, heated = regularised_friction(t, limit, law.viscosity)
     loss = pressed.loss + heated
     normal = select(touch, pressed.force, -squeezing * opening)
-    gx, gy, gz, sheared = zero, zero, zero, zero
+    g, lever, sheared = (zero, zero, zero), (zero, zero, zero), zero
     if film.cut_off > 0.0:
-        gx, gy, gz = shearing * t[0], shearing * t[1], shearing * t[2]
-        sheared = dot((gx, gy, gz), t)
-    loss = select(touch, loss, fma(squeezing * opening, opening, sheared)) * heat
-    fx, fy, fz = select(touch, f[0], gx), select(touch, f[1], gy), select(touch, f[2], gz)
+        if at_plane:
+            sliding = tangential(motion.u, n, opening)
+            turning = sliding[0] - t[0], sliding[1] - t[1], sliding[2] - t[2]
+            g, lever = sheared_at_plane(shearing, sliding, turning)
+            sheared = dot(g, sliding) - dot(lever, turning)
+        else:
+            g = lever = shearing * t[0], shearing * t[1], shearing * t[2]
+            sheared = dot(g, t)
+    loss = select(touch, loss, fma(squeezing * opening, opening, sheared)) * (2.0 if at_plane else 1.0)
+    fx, fy, fz = select(touch, f[0], g[0]), select(touch, f[1], g[1]), select(touch, f[2], g[2])
+    tx, ty, tz = select(touch, f[0], lever[0]), select(touch, f[1], lever[1]), select(touch, f[2], lever[2])
     store_lines(address_of(contacts.lines, 0) + p * LINE_BYTES, (
         select(near, fma(-normal, n[0], fx), zero), select(near, fma(-normal, n[1], fy), zero),
         select(near, fma(-normal, n[2], fz), zero), select(near, loss, zero),
-        select(near, fma(n[1], fz, -(n[2] * fy)), zero), select(near, fma(n[2], fx, -(n[0] * fz)), zero),
-        select(near, fma(n[0], fy, -(n[1] * fx)), zero), select(touch, 0.5 * overlap, zero),
+        select(near, fma(n[1], tz, -(n[2] * ty)), zero), select(near, fma(n[2], tx, -(n[0] * tz)), zero),
+        select(near, fma(n[0], ty, -(n[1] * tx)), zero), select(touch, 0.5 * overlap, zero),
     ))  # fmt: skip

@@ -204,17 +204,20 @@ def sliding(world, pool, radius, gap, v, omega, *, planar=False, to_wall=False):
 
 @pytest.mark.parametrize("gap", [1e-4, 5e-3, 0.03, 0.067, 0.069, 0.09])
 def test_a_sheared_film_drags_along_and_turns(world, pool, gap):
-    """Force and torque of the sliding of the surfaces; equal and opposite forces, and nothing beyond the cut-off."""
+    """Force and torque of the sliding of the surfaces, at a plane with a quarter of what the other motion makes; equal
+    and opposite forces, and nothing beyond the cut-off."""
     radius, v, omega = (0.11, 0.07), [[0.0] * 3, [0.3, -0.2, 0.0]], [[0.1, 0.5, 0.9], [0.4, -0.3, -0.8]]
-    slip = np.array(v[1]) + np.cross(omega[1], [0, 0, -radius[1]]) - np.cross(omega[0], [0, 0, radius[0]])
+    along, turning = np.array(v[1]), np.cross(omega[1], [0, 0, -radius[1]])
+    slip = along + turning - np.cross(omega[0], [0, 0, radius[0]])
     for to_wall in (False, True):
         scene, film = sliding(world, pool, radius, gap, v, omega, to_wall=to_wall)
         upper = scene.grains.columns["force"][list(scene.grains.ids).index(len(scene.grains.ids) - 1)]
-        moved = np.array(v[1]) + np.cross(omega[1], [0, 0, -radius[1]]) if to_wall else slip
-        pair = (radius[1],) if to_wall else radius
-        force = -film.shear_resistance(gap, *pair) * moved
+        resistance = film.shear_resistance(gap, *((radius[1],) if to_wall else radius))
+        force, lever = -resistance * slip, -resistance * slip
+        if to_wall:
+            force, lever = -resistance * (along + 0.25 * turning), -resistance * (0.25 * along + turning)
         np.testing.assert_allclose(upper[:3], force, rtol=1e-7, atol=1e-15)
-        np.testing.assert_allclose(upper[4:7], np.cross([0, 0, -radius[1]], force), rtol=1e-7, atol=1e-15)
+        np.testing.assert_allclose(upper[4:7], np.cross([0, 0, -radius[1]], lever), rtol=1e-7, atol=1e-15)
         assert np.any(upper) == (gap < 0.068)
         if not to_wall:
             np.testing.assert_array_equal(scene.grains.columns["force"][:, :3].sum(axis=0), 0.0)

@@ -68,6 +68,31 @@ def test_shearing_of_spheres():
     assert Film(2.0, 0.04, 2).shear_resistance(0.001, 0.5, 0.5) == 0.0
 
 
+def test_a_film_at_a_plane_tells_sliding_from_turning(world, pool):
+    """Goldman, Cox & Brenner 1967, leading terms: 8/15, 2/15 and 8/15 of 6 pi mu R ln(1/gap) between the velocity of a
+    sphere, that of its surface by turning, force and torque over R; the plane slides too, and nothing makes energy."""
+    radius, gap, viscosity = 0.05, 0.001, 0.5
+    film = Film(viscosity, 0.006, 3)
+    unit = 6 * np.pi * viscosity * radius * np.log(0.85 * 0.006 / gap) / 15
+
+    def found(v, omega, slide):
+        columns = grains([[0.5, 0.5, radius + gap]], v=np.array([v]), omega=np.array([omega]), radius=radius)
+        columns["mass"][:], columns["inertia"][:] = 1e9, 1e9  # it keeps its velocities
+        floor = PlaneWall([0.0] * 3, np.eye(3)[2], (slide, 0.0, 0.0))
+        scene = Dem(world, pool, box(world, (1.0,) * 3), columns, ContactLaw(1e-3), (floor,), film=film)
+        scene.advance(1e-3, 1)
+        line = scene.grains.columns["force"][0]
+        return line[0], line[5] / radius, 0.5 * line[3]  # half of a contact's heat is one grain's
+
+    for slide, spin in ((1e-3, 0.0), (0.0, 1e-3), (1e-3, -1e-3), (1e-3, 1e-3)):
+        force, torque, heat = found((slide, 0.0, 0.0), (0.0, -spin / radius, 0.0), 0.0)  # its surface goes as spin
+        assert force == pytest.approx(-unit * (8 * slide + 2 * spin), rel=1e-4)
+        assert torque == pytest.approx(unit * (2 * slide + 8 * spin), rel=1e-4)
+        assert heat == pytest.approx(unit * (8 * slide**2 + 4 * slide * spin + 8 * spin**2), rel=1e-4)
+        moved = found((slide + 2e-3, 0.0, 0.0), (0.0, -spin / radius, 0.0), 2e-3)
+        assert moved == pytest.approx((force, torque, heat), rel=1e-4)
+
+
 @pytest.mark.parametrize("dimensions", [2, 3])
 def test_the_gap_of_a_resistance_is_its_inverse(dimensions):
     film = Film(2.0, 0.05, dimensions)
