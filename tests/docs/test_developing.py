@@ -1,5 +1,5 @@
 """The worked examples of docs/developing.md: each is a diff that applies to this tree; two do what they say, and with
-`-m validation` six, for a copy of the tree compiles its kernels anew.
+`-m validation` seven, for a copy of the tree compiles its kernels anew.
 """
 
 import os
@@ -14,7 +14,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PARTS = ("hpcpic", "sph", "lbmdem", "tests", "configs", "scripts", "pyproject.toml")
 WORKED = {file.stem: file.read_text() for file in sorted((ROOT / "docs/worked").glob("*.diff"))}
-LONG = "smoothing_kernel", "field", "gauge", "grain_array"
+LONG = "smoothing_kernel", "field", "gauge", "figure", "grain_array"
 RUN = [("loader", "scalar"), pytest.param(LONG, marks=pytest.mark.validation)]  # with tests
 
 
