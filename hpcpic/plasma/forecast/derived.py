@@ -17,7 +17,7 @@ from hpcpic.plasma.forecast.collisions import collisions
 from hpcpic.plasma.forecast.densest import at_densest, dense_frequency, densest, mean_debye
 from hpcpic.plasma.forecast.estimate import SERIES_SHARE, affordable_period, count_seconds, phases
 from hpcpic.plasma.forecast.field_equation import field_equation, field_strength, slowed_by_clouds
-from hpcpic.plasma.forecast.noise import MAX_START_NOISE, alike_per_cell, noise, share_along, start_noise, weighted
+from hpcpic.plasma.forecast.noise import MAX_START_NOISE, alike_per_cell, neutral, noise, share_along, start_noise
 from hpcpic.plasma.forecast.rates import DEFAULT
 from hpcpic.plasma.forecast.recurrence import recurrence
 from hpcpic.plasma.forecast.scales import (
@@ -34,7 +34,7 @@ from hpcpic.plasma.forecast.scales import (
 )
 from hpcpic.plasma.forecast.trapping import trapping
 from hpcpic.plasma.forecast.turning import MOST_WAVE, WIDER, fastest_turn, stronger_across, turn_across_grid, turning
-from hpcpic.plasma.physics.heating import HEATING, MIN_PER_CELL, energy_ratio, rate_of_step, rates_across
+from hpcpic.plasma.physics.heating import HEATING, MIN_PER_CELL, energy_ratio, rate_of_step, rates_across, rates_of
 from hpcpic.plasma.physics.poisson import operator_of, response
 from hpcpic.plasma.physics.shapes import SHAPES
 from hpcpic.plasma.setup.loaders import loader_of, velocity_moments
@@ -195,7 +195,7 @@ def resolution(config: PlasmaConfig) -> Iterator[Derived]:
         return
     plain = config.field.equation == Equation() and not config.numerics.cloud_radius
     measured = (config.numerics.shape, field_axes(config)) in HEATING
-    known = plain and measured and config.numerics.gradient == "difference"
+    known = plain and measured and not (spectral(config) and turn_across_grid(config))
     yield shielding(config, ratios, known)
     longest = max(1 / math.sqrt(k) / length for k, length in zip(inverse_sq, config.simulation.space_length) if k > 0)
     cure, key = f"no shielding in this box: the particles fly freely; {UNITS}", ("simulation", "space_length")
@@ -230,6 +230,11 @@ def shielding(config: PlasmaConfig, ratios: list[float], known: bool) -> Derived
     return judged(name, "lambda_D/dx", ratio, limit, verdict, f"{BOOK} ch. 8", cure, POINTS, forceable=True)
 
 
+def spectral(config: PlasmaConfig) -> bool:
+    """Whether E is -ik phi of the exact wave number."""
+    return config.numerics.gradient == "spectral"
+
+
 def heated(config: PlasmaConfig, shape: str, more: float = 1.0, finer: float = 1.0, shorter: float = 1.0) -> float:
     """W(end)/W(0) - 1 by measured rates and that of the step, with `more` times the particles, a `finer` grid and steps
     so much `shorter`; nan where too few.
@@ -242,8 +247,10 @@ def heated(config: PlasmaConfig, shape: str, more: float = 1.0, finer: float = 1
     if per_cell < MIN_PER_CELL or not start < MAX_START_NOISE:
         return math.nan
     debye = mean_debye(config) * finer * math.sqrt(1 + start)  # the noise becomes heat at once
-    rates = HEATING[shape, axes], debye, per_cell, time, rates_across(shape, axes, turn_across_grid(config), time)
-    return share_along(config, start) * (energy_ratio(*rates, rate_of_step(shape, axes, debye, step / shorter)) - 1)
+    across = rates_across(shape, axes, turn_across_grid(config), time)
+    of_step = rate_of_step(shape, axes, debye, step / shorter, spectral(config))
+    points = rates_of(shape, axes, spectral(config))
+    return share_along(config, start) * (energy_ratio(points, debye, per_cell, time, across, of_step) - 1)
 
 
 def heating(config: PlasmaConfig) -> Derived:
@@ -393,16 +400,6 @@ def background(config: PlasmaConfig) -> Derived:
     verdict, key = verdict_of(abs(total) <= MAX_IMBALANCE * moduli), ("species",)
     source = "species of both signs cancel; a uniform charge makes up for what they leave"
     return judged(name, symbol, -total, "0", verdict, source, ", or ".join(ways), key, unit)
-
-
-def neutral(config: PlasmaConfig, i: int, factor: float) -> str:
-    """Settings that multiply the charge density of a species."""
-    species = config.species[i]
-    if species.density:
-        return f"species[{i}].density = {species.density * factor:.8g}"
-    if species.plasma_frequency:
-        return f"species[{i}].plasma_frequency = {species.plasma_frequency * math.sqrt(factor):.8g}"
-    return weighted(i, species, factor)
 
 
 def blocks(config: PlasmaConfig, ranks: int) -> Iterator[Derived]:

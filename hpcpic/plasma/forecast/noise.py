@@ -150,6 +150,16 @@ def weighted(i: int, species: Species, factor: float) -> str:
     return ", ".join(f"species[{i}].{name} = {getattr(species, name) * factor:.8g}" for name in ("charge", "mass"))
 
 
+def neutral(config: PlasmaConfig, i: int, factor: float) -> str:
+    """Settings that multiply the charge density of a species."""
+    species = config.species[i]
+    if species.density:
+        return f"species[{i}].density = {species.density * factor:.8g}"
+    if species.plasma_frequency:
+        return f"species[{i}].plasma_frequency = {species.plasma_frequency * math.sqrt(factor):.8g}"
+    return weighted(i, species, factor)
+
+
 def start_noise(config: PlasmaConfig) -> float:
     """Energy of the field of random places over that of the heat, on one axis; nan on more, 0 where places are even.
 
