@@ -51,6 +51,7 @@ TENSION = -1
 L = -1
 T = -1
 DRIVEN = -1
+TURN = -1
 DENSITIES = False  # there are liquids of several densities
 GASES = False  # and gases
 ACCELERATED = False  # there are walls that follow the fluid and are accelerated
@@ -163,6 +164,17 @@ def pack_own(block, blocks, base, scales, own, values):
         for b in range(np.uint64(base[l]), np.uint64(base[l + 1])):
             for k in range(DIM):
                 values[DRIVEN + k, b] = own[k, b] * scales.of_arm
+
+
+@njit
+def pack_turn(block, blocks, base, scales, flags, key, walls, values):
+    """The columns TURN, the angular velocity of walls, in 2D about z; 0 for fluid."""
+    for l in range(blocks[block], blocks[block + 1]):
+        for b in range(np.uint64(base[l]), np.uint64(base[l + 1])):
+            turns, wall = flags[b] & EXTRAPOLATED != 0, (key[b] >> WALL_SHIFT) - 1
+            for k in range(2 * DIM - 3):
+                row, column = ((k + 2) % 3, (k + 1) % 3) if DIM == 3 else (1, 0)
+                values[TURN + k, b] = walls.wall_spin[wall, row, column] * scales.of_spin if turns else 0.0
 
 
 @njit

@@ -96,12 +96,14 @@ class Areas(NamedTuple):
 
 class WallMotion(NamedTuple):
     """Accelerations of walls [walls, d] m/s2; of those that turn at their centres [walls, d] m, from which it grows by
-    twist [walls, d, d] 1/s2 times the way from there; and the period [d] m, 0 where there is none.
+    twist [walls, d, d] 1/s2 times the way from there, and the velocity by spin [walls, d, d] 1/s times it; and the
+    period [d] m, 0 where there is none.
     """
 
     wall_acceleration: Reals
     wall_centre: Reals
     wall_twist: Reals
+    wall_spin: Reals
     period: Reals
 
 
@@ -134,7 +136,8 @@ class Mirrors(NamedTuple):
 class Scales(NamedTuple):
     """1 / h, 1 / c0, 1 / rho0, 1 / (rho0 h^d), p / (rho0 c0^2) of the background, mu / (rho0 c0 h), Monaghan's
     coefficient against tension; and what the other sums of these kinds are multiplied by, `of_arm` with an acceleration
-    in m/s2. least_wet: the sum of weights of fluid below which a particle of a wall is dry.
+    in m/s2, `of_spin` an angular velocity in 1/s. least_wet: the sum of weights of fluid below which a particle of a
+    wall is dry.
     """
 
     per_h: float
@@ -149,4 +152,5 @@ class Scales(NamedTuple):
     of_shifting: float
     of_around: float
     of_arm: float
+    of_spin: float
     least_wet: float

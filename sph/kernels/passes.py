@@ -123,7 +123,8 @@ class PassText:
 
     def _tuples(self, side: str) -> list[str]:
         """Vectors and matrices of one side, of the columns that are read."""
-        names = {name for name in ("v", "g", "l", "t", "s", "own") if self.columns >= set(self.spec.components(name))}
+        several = "v", "g", "l", "t", "s", "own", "turn"
+        names = {name for name in several if self.columns >= set(self.spec.components(name))}
         return [f"{name}_{side} = {_tuple(f'{c}_{side}' for c in self.spec.components(name))}"
                 for name in sorted(names)]  # fmt: skip
 
@@ -225,7 +226,7 @@ class PassText:
         """A formula and before it what it needs that is not known yet."""
         masks = MASKS | (WALL_MASKS if self.spec.extrapolated else {}) if mixed else {}
         mask = masks.get(line.pairs.mask)
-        if not (mask or line.pairs.among_fluid):
+        if not (mask or line.pairs.among_fluid or (mixed and not line.pairs.mask)):
             return []
         lines = [text for name in needs(line.formula) for text in self._prepared(name, known, mixed)]
         known |= set(line.out.split(", "))

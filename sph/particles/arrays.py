@@ -96,6 +96,7 @@ def _of_cells(d: int) -> list[Array]:
         Array("wall_acceleration", ("walls", d), "float64", "m/s2", "accelerations of the walls"),
         Array("wall_centre", ("walls", d), "float64", "m", "centres of the walls that turn"),
         Array("wall_twist", ("walls", d, d), "float64", "1/s2", "by which accelerations grow from there"),
+        Array("wall_spin", ("walls", d, d), "float64", "1/s", "by which velocities do"),
         Array("shape", (6,), "int64", "", "pads, layers, first layer here, layers here, rows, 0"),
         Array("numbers", (5,), "float64", "", "what kernels.motion is told of a step"),
     ]

@@ -32,6 +32,7 @@ def columns_kernels(spec: PairSpec, gamma: float) -> ModuleType:
     """The module kernels.columns as a case needs it."""
     columns = columns_of(spec)
     first = {"NORMALS": "nx", "V": "vx", "G": "gx", "L": "lxx", "T": "txx", "S": "sxx", "DRIVEN": "ownx"}
+    first["TURN"] = spec.components("turn")[0]
     first |= {name.upper(): name for name in LINES}
     constants: dict[str, Any] = {key: columns.index(name) if name in columns else -1 for key, name in first.items()}
     constants |= {
@@ -111,6 +112,8 @@ class PairSums:
     def pack(self) -> None:
         """What pair sums read of all bodies besides the state."""
         self.tasks.each(self.columns.pack, blocks="layers", powers="powers_of_pressure", **self._held)
+        if self.spec.sticking:
+            self.tasks.each(self.columns.pack_turn, blocks="layers")
 
     def _pack_again(self) -> None:
         if self.spec.changes:

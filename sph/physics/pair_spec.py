@@ -48,6 +48,8 @@ class PairSpec:
     """Whether such walls have edges."""
     wetted: bool = False
     """Whether friction lacks a torque on those that turn, where they are wet (see particles.wall_forces)."""
+    sticking: bool = False
+    """Whether fluid sticks to some that turn, by friction along velocities."""
     tensile: bool = False
     shifting: bool = False
     corrected: bool = False
@@ -95,6 +97,8 @@ class PairSpec:
         """The columns, sums or numbers that a name stands for: those of a vector, of a matrix, or itself."""
         if name in VECTORS:
             return [name + a for a in self.axes]
+        if name == "turn":
+            return ["turnz"] if self.dimensions == 2 else ["turnx", "turny", "turnz"]
         if name in TRIANGLES:
             return [name + a + b for k, a in enumerate(self.axes) for b in self.axes[k:]]
         if name in MATRICES:
@@ -105,7 +109,8 @@ class PairSpec:
 class Pairs(NamedTuple):
     """Pairs on which a term acts: those whose flags `mask` chooses (see kernels.passes), in a case that has others too.
 
-    among_fluid: two particles of fluid are such a pair. elsewhere: what the term is for all other pairs; "": no change.
+    No mask: all. among_fluid: two particles of fluid are such a pair; else the loop for these alone is without the
+    term. elsewhere: what the term is for all other pairs; "": no change.
     """
 
     mask: str
@@ -116,6 +121,7 @@ class Pairs(NamedTuple):
 ALL = Pairs("")
 OF_FLUID = Pairs("both_flow", elsewhere="zero")
 WITHOUT_SLIP = Pairs("none_slips", elsewhere="zero")
+BESIDE_SOLIDS = Pairs("", among_fluid=False)  # of a term that is 0 for others by itself
 AT_FOLLOWING_WALLS = Pairs("one_follows", among_fluid=False)  # walls whose density follows from the fluid
 AT_EDGES = Pairs("at_edges", among_fluid=False)  # of walls whose density follows from the fluid
 AT_STICKING_WALLS = Pairs("one_sticks", among_fluid=False)  # these without slip
@@ -174,6 +180,7 @@ def momentum(spec: PairSpec) -> Pass:
         lines.append(Line("pull", terms.corrected_pull if spec.corrected else terms.pull))
         if viscosity.pull:
             lines.append(Line("pull", viscosity.pull))
+        lines += [Line("pull", terms.at_the_surface, BESIDE_SOLIDS)] * spec.sticking
         if viscosity.transposed:
             lines.append(Line("crosswise", terms.crosswise_between if spec.viscosities else terms.crosswise))
             lines += [Line("crosswise", terms.crosswise_at_wall, AT_FOLLOWING_WALLS)] * (not spec.viscosities)
@@ -318,7 +325,7 @@ def columns_of(spec: PairSpec) -> list[str]:
         names.append("mass")  # of the reference liquid
     names += ["swift"] * spec.densities + ["fluidity"] * spec.viscosities + ["bulk"] * spec.gases
     names += ["n"] * spec.repulsive + [name for name in ("g", "slope", "c") if name in spec.flux.columns]
-    names += ["own"] * (spec.driven and spec.extrapolated)
+    names += ["own"] * (spec.driven and spec.extrapolated) + ["turn"] * spec.sticking
     names += ["tension"] * spec.tensile + ["l"] * spec.corrected
     names += ["t"] * spec.viscosity.stress + ["s"] * bool(spec.viscosity.transposed)
     return [column for name in names for column in spec.components(name)]

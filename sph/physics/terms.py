@@ -13,12 +13,9 @@ from collections.abc import Callable
 from functools import cache
 
 from hpcpic.core.simd.formulas import fma, maximum, minimum, select, sqrt
-from sph.physics.vectors import add_scaled, difference, dot, products, scaled, squares, sum_of, times, turned
+from sph.physics.vectors import add_scaled, crossed, difference, dot, products, scaled, squares, sum_of, times, turned
 
 CORE = 0.7  # spacings: of half that off the surface, even between two particles of a wall
-WIDE_CORE = 0.9  # in 3D where h is large, and with rigid bodies: between four particles of a wall too
-BODY_CORE = 2.0  # with rigid bodies, which press on fluid: for jets of c0 / 3
-SPACE_CORE = 0.07  # in 3D, strength times -F dp^5 at 0.8 dp: what comes with c0 / 10 turns round between four of a wall
 PER_CORE = 1 / CORE
 
 
@@ -94,9 +91,9 @@ def pressure(push_i, push_j):
 
 
 def kept_out(push, r, per_h, core_reach, core):
-    """At least the pressure of a stiff core, rho0 c0^2 (1 - r / (0.7 dp)), between fluid and a wall that follows it: a
-    sheet of a few particles has no pressure by which such a wall would hold it. Fluid at rest is farther off, dp.
-    With rigid bodies, and in 3D where h is large, it has `core` times that, and 0.9 dp: core_reach = 0.7 core h/0.9 dp.
+    """At least the pressure of a stiff core, rho0 c0^2 (1 - r / (0.7 dp)), between fluid and a wall that follows it,
+    which has no other hold on a sheet of a few particles; fluid at rest is farther off, dp. With rigid bodies, and in
+    3D where h is large, it has `core` times that, and 0.9 dp: core_reach = 0.7 core h/0.9 dp.
     """
     return maximum(push, core - r * per_h * core_reach * PER_CORE)
 
@@ -127,9 +124,7 @@ def damping_between(artificial, swift_i, swift_j):
 
 
 def friction_between(viscous, fluidity_i, fluidity_j):
-    """`friction` of two liquids by the harmonic mean 2 mu_i mu_j / (mu_i + mu_j), which (SC 6) has and stress across a
-    flat interface asks for; fluidity = mu0 / mu. With a wall that follows the fluid, of none, it is `wall_friction`.
-    """
+    """`friction` of two liquids, by the harmonic mean of mu of (SC 6); fluidity = mu0 / mu, 0 of walls that follow."""
     return viscous * (2.0 / (fluidity_i + fluidity_j))
 
 
@@ -168,6 +163,11 @@ def corrected_pull(push, push_i, push_j, l_i, l_j, d):
 def morris_viscosity(pull, dv, light_i, light_j, friction):
     """Morris et al. 1997: - 2 mu v_ij / (rho_i rho_j), which divides by no r^2."""
     return add_scaled((light_i * light_j) * friction, dv, pull)
+
+
+def at_the_surface(pull, d, turn_i, turn_j, light_i, light_j, friction):
+    """`morris_viscosity` beside a wall that turns with w, whose velocity counts midway between: less w x r_ij / 2."""
+    return add_scaled(-0.5 * (light_i * light_j) * friction, sum_of(crossed(turn_i, d), crossed(turn_j, d)), pull)
 
 
 def stress(pull, t_i, t_j, d):
@@ -400,8 +400,7 @@ def moments(d):
 
 def weights(W, F, volume_i, volume_j):
     """V W: of j for the sum of i, and the other way round; 0 where F is, which is masked."""
-    w = select(F != 0.0, W, 0.0)
-    return volume_j * w, volume_i * w
+    return wall_weights(W, F, volume_i, volume_j)
 
 
 def steps(d_rho, d):

@@ -43,6 +43,13 @@ def sum_of(a, b):
     return most if len(a) == 6 else (*most, a[6] + b[6], a[7] + b[7], a[8] + b[8])
 
 
+def crossed(w, a):
+    """w x a; in two dimensions w is one number."""
+    if len(a) == 2:
+        return -(w * a[1]), w * a[0]
+    return w[1] * a[2] - w[2] * a[1], w[2] * a[0] - w[0] * a[2], w[0] * a[1] - w[1] * a[0]
+
+
 def times(m, a):
     """The matrix m, row by row, times a."""
     if len(a) == 2:

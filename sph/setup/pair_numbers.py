@@ -10,13 +10,16 @@ from sph.physics.integrators import INTEGRATORS
 from sph.physics.liquids import liquids_of
 from sph.physics.pair_spec import NUMBERS, UNIT, PairSpec
 from sph.physics.smoothing import SMOOTHING, Smoothing
-from sph.physics.terms import BODY_CORE, CORE, SPACE_CORE, WIDE_CORE
+from sph.physics.terms import CORE
 from sph.physics.viscosities import viscosity_of
 from sph.physics.wall_rules import rule_of
 from sph.physics.waves import cleary_constant
 from sph.setup.scene import Scene
 
 NARROW_HOLDS = 1.5  # h / dp up to which a jet of c0 / 10 gets a spacing deep into a wall in 3D, not through it
+WIDE_CORE = 0.9  # in 3D where h is large, and with rigid bodies: between four particles of a wall too
+BODY_CORE = 2.0  # with rigid bodies, which press on fluid: for jets of c0 / 3
+SPACE_CORE = 0.07  # in 3D, strength times -F dp^5 at 0.8 dp: what comes with c0 / 10 turns round between four of a wall
 CORE_MIDDLE = 0.8  # spacings: between four particles of a wall, half way into their cores
 WET = 0.3  # of the fluid that still water has before a wall; around a disc it is 0.45 or more
 
@@ -49,6 +52,8 @@ def pair_spec_of(config: SphConfig, others: bool, films: bool = False) -> PairSp
     rules = [rule_of(wall.type) for wall in config.wall]
     liquids = liquids_of(config)
     viscous = liquids.viscosity > 0 and form.physical
+    bodies = [rule for rule, wall in zip(rules, config.wall) if wall.body]
+    sticking = viscous and form.laplacian and not all(rule.slips for rule in bodies)
     return PairSpec(
         config.dimensions,
         numerics.kernel,
@@ -73,13 +78,12 @@ def pair_spec_of(config: SphConfig, others: bool, films: bool = False) -> PairSp
             rule.extrapolated and (wall.body or (wall.motion is not None and any(wall.motion.amplitude)))
             for rule, wall in zip(rules, config.wall)
         ),
-        turning=any(wall.body for wall in config.wall),
+        turning=bool(bodies),
         driven=any(fluid.acceleration for fluid in config.fluid),
         films=films or any(rule.extrapolated and wall.body for rule, wall in zip(rules, config.wall)),
         edges=any(rule.has_edges(bool(wall.body), liquids) for rule, wall in zip(rules, config.wall)),
-        wetted=viscous
-        and form.along_velocity
-        and any(wall.body and not rule.slips for rule, wall in zip(rules, config.wall)),
+        sticking=sticking,
+        wetted=sticking and form.along_velocity,
     )
 
 
@@ -109,7 +113,7 @@ class PairNumbers:
         return Scales(
             1 / h, 1 / c, 1 / rho, 1 / (rho * h**scene.dimensions), scene.eos.background / (rho * c * c),
             scene.viscosity / (rho * c * h), scene.config.numerics.tensile_correction, sums * length, sums * speed,
-            sums, sums * length, h / (c * c) * length / self.density,
+            sums, sums * length, h / (c * c) * length / self.density, h / c * length / speed,
             WET * before_a_wall(SMOOTHING[scene.kernel], scene.dimensions, h / scene.spacing) / self.of_moments[0],
         )  # fmt: skip
 

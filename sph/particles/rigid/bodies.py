@@ -82,7 +82,8 @@ class Bodies:
             self.walls.acceleration[wall.index] = state[13 : 13 + d]
             arena["wall_centre"][wall.index] = arena["body_centre"][k]
             arena["wall_twist"][wall.index] = self._matrix(skew(state[16:19]) + product(spin, spin))
-            arena["body_velocity"][k], arena["body_spin"][k] = state[SPEED][axes], self._matrix(spin)
+            arena["body_velocity"][k] = state[SPEED][axes]
+            arena["body_spin"][k] = arena["wall_spin"][wall.index] = self._matrix(spin)
 
     def follow(self) -> None:
         """Give the particles the velocities of their bodies."""
