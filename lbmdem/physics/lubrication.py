@@ -61,10 +61,11 @@ class Film(NamedTuple):
 
     def shear_resistance(self, gap: float, first: float, second: float = math.inf) -> float:
         """Force over velocity of sliding of the surfaces of two spheres, or of one and a plane (Jeffrey & Onishi,
-        J. Fluid Mech. 139 (1984) 261, the logarithm alone), less that at the cut-off; 0 in 2D.
+        J. Fluid Mech. 139 (1984) 261, the logarithm alone), less that at the cut-off; 0 in 2D. Where they touch it
+        is that of the least gap, and acts at planes alone.
         """
         cut = SHEAR_CUT_OFF * self.cut_off
-        if self.dimensions == 2 or not 0.0 <= gap < cut:
+        if self.dimensions == 2 or not gap < cut:
             return 0.0
         size, reduced = 2.0 * first, first
         if math.isfinite(second):

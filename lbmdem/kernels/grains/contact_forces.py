@@ -164,7 +164,8 @@ def wall_pairs(part, wall_cuts, contacts, rows, walls, law, film, dt):
         overlap, squeezing, shearing = maximum(-gap, splat(F, 0.0)), splat(F, 0.0), splat(F, 0.0)
         if film.cut_off > 0.0:
             squeezing = resistance(gap, a[3], v[3], film, dt)
-            shearing = shear_resistance(gap, a[3], 2.0 * a[3], fma(a[3] * a[3], w[3], v[3]), film, dt)
+            mobility = fma(a[3] * a[3], w[3], v[3])
+            shearing = shear_resistance(gap, a[3], 2.0 * a[3], mobility, film, dt) * (1.0 - b[3])
         arm = fma(overlap, -0.5, a[3])
         inwards, u = (-n[0], -n[1], -n[2]), (s[0] - v[0], s[1] - v[1], s[2] - v[2])
         spin = arm * w[0], arm * w[1], arm * w[2]
@@ -176,7 +177,7 @@ def wall_pairs(part, wall_cuts, contacts, rows, walls, law, film, dt):
 def contact(p, masks, motion, resistances, contacts, law, film, dt, at_plane):
     """Write the lines of the slots from p on: spring, dashpot and friction where they touch, else a film's forces.
 
-    at_plane: the second is a plane, and all the heat is the first one's.
+    at_plane: the second is a plane, all the heat is the first one's, and the film's shear acts while they touch too.
     """
     touch, near, n, overlap, zero = masks.touch, masks.near, motion.n, motion.overlap, splat(F, 0.0)
     squeezing, shearing = resistances.squeezing, resistances.shearing
@@ -204,9 +205,16 @@ def contact(p, masks, motion, resistances, contacts, law, film, dt, at_plane):
         else:
             g = lever = shearing * t[0], shearing * t[1], shearing * t[2]
             sheared = dot(g, t)
-    loss = select(touch, loss, fma(squeezing * opening, opening, sheared)) * (2.0 if at_plane else 1.0)
-    fx, fy, fz = select(touch, f[0], g[0]), select(touch, f[1], g[1]), select(touch, f[2], g[2])
-    tx, ty, tz = select(touch, f[0], lever[0]), select(touch, f[1], lever[1]), select(touch, f[2], lever[2])
+    open_loss = fma(squeezing * opening, opening, sheared)
+    if at_plane:  # the film stays in the gap of the roughness while they touch
+        loss = select(touch, loss + sheared, open_loss) * 2.0
+        f = select(touch, f[0], zero), select(touch, f[1], zero), select(touch, f[2], zero)
+        fx, fy, fz = f[0] + g[0], f[1] + g[1], f[2] + g[2]
+        tx, ty, tz = f[0] + lever[0], f[1] + lever[1], f[2] + lever[2]
+    else:
+        loss = select(touch, loss, open_loss)
+        fx, fy, fz = select(touch, f[0], g[0]), select(touch, f[1], g[1]), select(touch, f[2], g[2])
+        tx, ty, tz = fx, fy, fz
     store_lines(address_of(contacts.lines, 0) + p * LINE_BYTES, (
         select(near, fma(-normal, n[0], fx), zero), select(near, fma(-normal, n[1], fy), zero),
         select(near, fma(-normal, n[2], fz), zero), select(near, loss, zero),

@@ -3,7 +3,7 @@
 import numpy as np
 
 from hpcpic.core.simd.compile import njit
-from hpcpic.core.simd.vector import Vec, fma, maximum, minimum, select, splat, sqrt
+from hpcpic.core.simd.vector import Vec, fma, maximum, minimum, splat, sqrt
 from lbmdem.physics.lubrication import ROUGHNESS, SHEAR_CUT_OFF, STABLE, sheared_spheres, squeeze_resistance
 
 F = Vec(8, np.float64)
@@ -20,12 +20,13 @@ def resistance(gap, radius, inverse_mass, film, dt):
 
 @njit
 def shear_resistance(gap, radius, size, mobility, film, dt):
-    """Force over velocity of sliding of a film below its own cut-off; radius: reduced; 0 between discs."""
+    """Force over velocity of sliding of a film below its own cut-off, while grains touch that of the least gap; radius:
+    reduced; 0 between discs."""
     if film.dimensions == 2:
         return splat(F, 0.0)
     found = sheared_spheres(film, size, logarithm(SHEAR_CUT_OFF * film.cut_off / maximum(gap, radius * ROUGHNESS)))
     found = minimum(found, STABLE / (mobility * dt))
-    return select((gap >= 0.0) & (found > 0.0), found, splat(F, 0.0))
+    return maximum(found, splat(F, 0.0))
 
 
 @njit
@@ -67,7 +68,8 @@ def fastest(contacts, n_slots, n_grain_slots, rows, walls, box, film, time):
         for c in range(3):
             opening += (b[4 + c] - a[4 + c]) * (d[c] / distance if pair else -b[8 + c])
         later = gap + opening * time
-        if max(gap, later) < 0.0 or not min(gap, later) < film.cut_off:
+        touch = max(gap, later) < 0.0  # all the time
+        if (pair and touch) or not min(gap, later) < film.cut_off:
             continue
         radius, size, inverse, turning = a[3], 2.0 * a[3], a[7], a[3] * a[3] * a[11]
         if pair:
@@ -78,6 +80,6 @@ def fastest(contacts, n_slots, n_grain_slots, rows, walls, box, film, time):
         shear = 0.0
         if film.dimensions == 3:
             shear = sheared_spheres(film, size, np.log(SHEAR_CUT_OFF * film.cut_off / h))
-        squeezing = squeeze_resistance(film, h, radius)
+        squeezing = 0.0 if touch else squeeze_resistance(film, h, radius)
         most = max(most, max(squeezing * inverse, shear * (inverse + turning)))
     return most

@@ -64,21 +64,24 @@ def test_shearing_of_spheres():
         assert film.shear_resistance(gap, 0.5) == pytest.approx(unit * 8 / 15)
         assert film.shear_resistance(gap, 0.5, 5e8) == pytest.approx(unit * 8 / 15)
         assert film.shear_resistance(gap, 0.5, 0.2) == film.shear_resistance(gap, 0.2, 0.5)
-    assert film.shear_resistance(cut, 0.5) == film.shear_resistance(-1e-9, 0.5) == 0.0
+    assert film.shear_resistance(-1e-9, 0.5) == film.shear_resistance(0.5 * ROUGHNESS, 0.5)
+    assert film.shear_resistance(cut, 0.5) == 0.0
     assert Film(2.0, 0.04, 2).shear_resistance(0.001, 0.5, 0.5) == 0.0
 
 
-def test_a_film_at_a_plane_tells_sliding_from_turning(world, pool):
+@pytest.mark.parametrize(("gap", "screen"), [(1e-3, False), (-1e-9, False), (-1e-9, True)])
+def test_a_film_at_a_plane_tells_sliding_from_turning(world, pool, gap, screen):
     """Goldman, Cox & Brenner 1967, leading terms: 8/15, 2/15 and 8/15 of 6 pi mu R ln(1/gap) between the velocity of a
-    sphere, that of its surface by turning, force and torque over R; the plane slides too, and nothing makes energy."""
-    radius, gap, viscosity = 0.05, 0.001, 0.5
+    sphere, that of its surface by turning, force and torque over R; the plane slides too, and nothing makes energy.
+    While they touch the gap is that of the roughness, without friction here; a screen has no film."""
+    radius, viscosity = 0.05, 0.5
     film = Film(viscosity, 0.006, 3)
-    unit = 6 * np.pi * viscosity * radius * np.log(0.85 * 0.006 / gap) / 15
+    unit = 6 * np.pi * viscosity * radius * np.log(0.85 * 0.006 / max(gap, ROUGHNESS * radius)) / 15 * (not screen)
 
     def found(v, omega, slide):
         columns = grains([[0.5, 0.5, radius + gap]], v=np.array([v]), omega=np.array([omega]), radius=radius)
         columns["mass"][:], columns["inertia"][:] = 1e9, 1e9  # it keeps its velocities
-        floor = PlaneWall([0.0] * 3, np.eye(3)[2], (slide, 0.0, 0.0))
+        floor = PlaneWall([0.0] * 3, np.eye(3)[2], (slide, 0.0, 0.0), film=not screen)
         scene = Dem(world, pool, box(world, (1.0,) * 3), columns, ContactLaw(1e-3), (floor,), film=film)
         scene.advance(1e-3, 1)
         line = scene.grains.columns["force"][0]
