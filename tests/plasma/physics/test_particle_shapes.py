@@ -16,6 +16,7 @@ def test_a_shape_has_its_measured_figures(shape):
         "SHORT_WAVES of forecast/cold_wave.py": cold_wave.SHORT_WAVES,
         "ACROSS of physics/heating.py (python scripts/heating.py across)": heating.ACROSS,
         "HEATING of physics/heating.py (python scripts/heating.py)": {name for name, _ in heating.HEATING},
+        "SPECTRAL of physics/heating.py": {name for name, _ in heating.SPECTRAL},
     }
     missing = [table for table, figures in by_shape.items() if shape not in figures]
     missing += [f"{gradient} gradients in ALIASES of forecast/cold_wave.py" for gradient in ("difference", "spectral")
