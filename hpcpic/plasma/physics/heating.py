@@ -110,8 +110,8 @@ def rate_of_step(shape: str, axes: int, debye: float, step: float, spectral: boo
     short waves in it; debye: lambda_D/dx.
 
     Two particles deflect each other where k.(v - v') dt is a whole number of turns. Without a turn that costs no
-    energy, the others heat (Birdsall & Langdon, chapter 12; Langdon 1979, Phys. Fluids 22, 163). In units of dx, wp, for
-    a Maxwellian and waves that are too short to be shielded,
+    energy, the others heat (Birdsall & Langdon, chapter 12; Langdon 1979, Phys. Fluids 22, 163). In units of dx and
+    wp, for a Maxwellian and waves that are too short to be shielded,
 
         rate = pi/(axes lambda_D^3) times the integral over k in the zone of the grid of
 
