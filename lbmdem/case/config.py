@@ -93,6 +93,7 @@ class Packing(Section):
 
 
 class GrainSet(Section):
+    instead = dict.fromkeys(("radius", "radii"), "diameter is twice that")
     name: str = setting("", "name in the output; by default grains_1, ...")
     shape: Literal["disc", "sphere"] | None = setting(None, "by default discs in 2D, spheres in 3D")
     diameter: float | None = setting(None, "of all grains of the set", "m", gt=0)

@@ -65,6 +65,7 @@ def test_a_domain_of_sph_is_answered_by_its_size():
         ("contact = { rolling_friction = 0.1; };", "heaps are those of round grains"),
         ("contact = { restitution = 0.7; };", "damping = 0.05, 0.1, 0.2, 0.3 gives 0.85, 0.73, 0.53, 0.37"),
         ("contact = { youngs_modulus = 1e7; };", "normal_stiffness in N/m"),
+        ("grains = ({ radius = 1e-3; position = [0.002, 0.002]; });", "diameter is twice that"),
     ],
 )
 def test_what_other_programs_have_is_answered_by_what_stands_for_it(extra, said):
