@@ -30,6 +30,7 @@ STANDARD_BYTES = 36  # of a particle in two dimensions and double precision
 NODE_BYTES = 32  # of a node, by the rows and columns of its transform, which are read again within a field
 LEVELS = {3: 18, 2: 18, 1: 16}  # log2 of the nodes for which `field_ns` holds: a transform's work grows with it
 
+
 def estimate(config: PlasmaConfig, ranks: int, threads: int, measured: Mapping[str, float]) -> Estimate:
     """Memory, disk and time of a completed case on ranks x threads; `measured` rates of this machine take the place of
     usual ones.
@@ -177,9 +178,7 @@ def default_periods(config: PlasmaConfig) -> dict[str, int]:
     return {"series": affordable_period(config, sample_seconds), "histograms": counts if config.histogram else 0}
 
 
-def memory_items(
-    config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, float]
-) -> dict[str, float]:
+def memory_items(config: PlasmaConfig, ranks: int, threads: int, rates: Mapping[str, float]) -> dict[str, float]:
     """Bytes per rank. The largest moment of a run is its end, when the state is put in order for the digest."""
     items = {"Python and libraries": rates["rank_mib"] * MIB}
     for array in arrays(config, ranks, threads):

@@ -102,9 +102,7 @@ def factor_nonzeros(points: Sequence[int]) -> int:
     return round(math.prod(points) * (6, 12 * math.sqrt(m), 3 * m * m)[len(points) - 1])
 
 
-def particle_arrays(
-    config: PlasmaConfig, ranks: int, slab: tuple[int, ...], blocks: int, real: str
-) -> Iterator[Array]:
+def particle_arrays(config: PlasmaConfig, ranks: int, slab: tuple[int, ...], blocks: int, real: str) -> Iterator[Array]:
     """Pages that are touched; every tile part of a species leaves half a page empty, on average. `slab`: its points."""
     n = particle_count(config)
     if not n:
