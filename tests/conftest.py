@@ -19,6 +19,8 @@ import pytest
 from hypothesis import HealthCheck, settings
 from numba.core import event
 
+from hpcpic.core.simd import own
+
 gc.set_threshold(50_000)  # as programs do: what compiles makes many objects that stay
 os.fsync = lambda descriptor: None  # no test cuts the power; each call would take milliseconds, a run has dozens
 # A busy machine fails no test.
@@ -54,6 +56,15 @@ class _Texts(event.Listener):
 
 _texts = _Texts()
 event.register("numba:compile", _texts)
+
+
+@pytest.fixture(autouse=True)
+def runs_keep_no_file_of_another_test() -> Iterator[None]:
+    """What a test registers for cases is kept by the runs of that test alone."""
+    before = own.files.copy(), own.typed.copy()
+    yield
+    for noted, known in zip((own.files, own.typed), before):
+        noted.intersection_update(known)
 
 
 @pytest.fixture(autouse=True)
