@@ -31,7 +31,7 @@ def test_the_forces_on_floor_and_lid_close_with_that_of_the_film(world):
     floor, lid, film, ball = (np.mean([one[name] for one in found]) for name in names)
     assert all(one["contact_lid_x"] == 0.0 for one in found)
     assert film > 0.1 * floor and film == pytest.approx(ball, rel=0.05)  # what the fluid gives the ball the floor takes
-    assert abs(floor + lid) > film and abs(floor + lid + film) < 0.2 * film
+    assert abs(floor + lid + film) < 0.2 * film  # without it a fifth of the friction is missing
 
 
 @pytest.mark.parametrize("d", [2, 3])
