@@ -59,7 +59,8 @@ class FluidSection(Section):
     )
     time_step: float | None = setting(None, "time step, instead of relaxation_time", "s", gt=0)
     collision: Literal["BGK", "TRT", "central"] = setting(
-        "TRT", "one relaxation time (the paper), two, or central moments: stable as tau goes to 1/2, with a bulk "
+        "TRT",
+        "one relaxation time (the paper), two, or central moments: stable as tau goes to 1/2, with a bulk "
         "viscosity of dx^2/(6 dt), so that at tau = 0.6 they damp sound 3 times as fast",
     )
     magic: float = setting(3.0 / 16.0, "TRT: (tau+ - 1/2)(tau- - 1/2); 3/16 puts walls half-way exactly", gt=0)
@@ -172,15 +173,17 @@ class Contact(Section):
 
 class Coupling(Section):
     bounce_back: str = setting(
-        "cli", "wall rule: cli (parametrised linear), interpolated (Bouzidi's linear [6]), quadratic (Bouzidi's), "
-        "halfway, or one of your own"
+        "cli",
+        "wall rule: cli (parametrised linear), interpolated (Bouzidi's linear [6]), quadratic (Bouzidi's), "
+        "halfway, or one of your own",
     )
     refill: Literal["average", "local", "non-equilibrium", "mass-conserving", "conserving"] | None = setting(
-        None, "populations of uncovered nodes: equilibrium with the mean density (average, the paper) or the "
+        None,
+        "populations of uncovered nodes: equilibrium with the mean density (average, the paper) or the "
         "neighbours'. In a closed box average, local and non-equilibrium lose mass (measured: 1.4e-3 in 2 s, 1e-2 in "
         "0.3 s); mass-conserving is local and gives it back evenly; conserving counts momentum too, by whole nodes, "
         "which slows a grain that a stream carries by 1 to 3 % and turns it. By default mass-conserving where grains "
-        "move in a closed or periodic box, else local"
+        "move in a closed or periodic box, else local",
     )
     substeps: int = setting(
         0, "DEM steps in a fluid step, 0 = from the stability limits of contacts and, step by step, of films", ge=0

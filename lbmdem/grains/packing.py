@@ -257,7 +257,6 @@ def pack(world: World, pool: Pool, domain: Domain, sample: Sample) -> NDArray[np
         x = grow(world, pool, domain, sample)
         return settle(world, pool, domain, sample, x) if sample.gravity > 0.0 else x
 
-
     def possible(x: NDArray) -> bool:
         """In the box, or just across a periodic side; not of nan."""
         across = 2.0 * float(sample.radius.max())

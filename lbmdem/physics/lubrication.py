@@ -21,9 +21,7 @@ from hpcpic.core.simd.formulas import maximum, minimum, select, sqrt
 CUT_OFF = {2: 2.0 / 3.0, 3: 1.0 / 1.7}  # nodes: where the resolved force begins to lag behind
 RESOLVED, GROWTH = 0.53, 0.55  # of a sphere's force at the cut-off: what links give at contact, more by gap / cut-off
 SHEAR_CUT_OFF = 0.85  # of the cut-off: half a node
-PLANE_COUPLING = (
-    0.25  # of a sphere at a plane: torque by sliding over that by turning, as force by turning over sliding
-)
+PLANE_COUPLING = 0.25  # of a sphere at a plane: torque by sliding over torque by turning; of the forces the inverse
 STABLE = 0.2  # resistance x mobility x step: films all round a grain are stable below, as 4.5 of them count fully
 MOST_SUBSTEPS = 1000  # in a step of the fluid, for films: a stiffer one is limited to what is stable
 ROUGHNESS = 1e-3  # least gap over the reduced radius: grains touch before theirs is zero

@@ -36,9 +36,7 @@ def velocity(lattice: Lattice, h: NDArray, force: ArrayLike, forcing: Forcing = 
     return rho, momentum / rho[..., None]
 
 
-def two_rates(
-    lattice: Lattice, h: NDArray, even: float, odd: float, force: NDArray, forcing: Forcing = GUO
-) -> NDArray:
+def two_rates(lattice: Lattice, h: NDArray, even: float, odd: float, force: NDArray, forcing: Forcing = GUO) -> NDArray:
     """Two relaxation times (Ginzburg 2005), for the even and the odd part of opposite populations; BGK [4] when equal.
 
     The source is w_i (3 (e_i - u) + 9 (e_i . u) e_i) . F (Guo et al. 2002, (20)).

@@ -212,8 +212,9 @@ def obstacle_faults(config: LbmDemConfig, obstacle: Obstacle) -> Iterator[tuple[
         if any(low >= high for low, high in zip(box.low, box.high)):
             yield ("shape", "box"), "has no inside: low must be below high along every axis"
         if config.grains_move:
-            yield ("shape", "box"), (
-                "is nothing that moving grains could touch; a plane is, or a row of grains with moving = false"
+            yield (
+                ("shape", "box"),
+                ("is nothing that moving grains could touch; a plane is, or a row of grains with moving = false"),
             )
     elif plane is not None and not any(plane.normal):
         yield ("shape", "plane", "normal"), "is no direction"

@@ -10,9 +10,7 @@ def completed(config: LbmDemConfig) -> LbmDemConfig:
     d = config.dimensions
     around = {face.face[0] for face in config.boundary if face.type == "periodic"}.union(config.domain.periodic)
     domain = config.domain.model_copy(update={"periodic": tuple(axis for axis in AXES if axis in around)})
-    simulation = config.simulation.model_copy(
-        update={"dimensions": d, "lattice": config.lattice}
-    )
+    simulation = config.simulation.model_copy(update={"dimensions": d, "lattice": config.lattice})
     fluid = config.fluid
     if fluid is not None:
         tau = 1.0 if fluid.time_step is None else None

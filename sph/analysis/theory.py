@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 FILTER = 0.013  # s, of (SC)
 
+
 def poiseuille(z: NDArray, t: float, force: float, nu: float, width: float, terms: int = 60) -> NDArray[np.float64]:
     """v(z, t) of (MP 24), with the signs that make the flow follow the force; z from one plane, F in m/s2."""
     steady = force / (2 * nu) * z * (width - z)

@@ -124,9 +124,7 @@ class Numerics(Section):
     smoothing: float = setting(1.5, "smoothing length over spacing, h / dp", gt=0, le=10)
     kernel: str = setting(
         "wendland2",
-        "cubic (spline, MP 9), quintic (spline, reaches 3 h), "
-        "wendland2 (C2), wendland4 (C4), "
-        "or one of your own",
+        "cubic (spline, MP 9), quintic (spline, reaches 3 h), wendland2 (C2), wendland4 (C4), or one of your own",
     )
     gradient_correction: bool = setting(False, "renormalised gradients: exact for linear fields")
     continuity: Literal["volumes", "masses"] = setting(

@@ -52,9 +52,7 @@ class Viscosity:
         return self.decay is not None
 
 
-MORRIS = Viscosity(
-    pull=terms.morris_viscosity, wall_drag=terms.morris_wall_drag, decay=lambda waves: waves.laplacian
-)
+MORRIS = Viscosity(pull=terms.morris_viscosity, wall_drag=terms.morris_wall_drag, decay=lambda waves: waves.laplacian)
 VISCOSITIES = {
     "none": Viscosity(),
     "artificial": Viscosity(artificial=0.02),  # which numerics.artificial_viscosity adds to any form

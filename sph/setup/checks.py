@@ -80,8 +80,9 @@ def sizes(config: SphConfig) -> Iterator[Fault]:
                 yield (group, i, "shape", "box", "open"), text
     for i, flow in ((i, fluid.flow) for i, fluid in enumerate(config.fluid) if fluid.flow):
         if FLOWS[flow.type].needs_gradient and len(flow.gradient) != d * d:
-            yield ("fluid", i, "flow", "gradient"), (
-                f"needs {d * d} numbers in {d}D, row by row (got {len(flow.gradient)})"
+            yield (
+                ("fluid", i, "flow", "gradient"),
+                (f"needs {d * d} numbers in {d}D, row by row (got {len(flow.gradient)})"),
             )
     for i, gauge in enumerate(config.gauge):
         yield from (((("gauge", i, *path), text)) for path, text in gauge_faults(gauge, d))

@@ -235,6 +235,7 @@ def scaled(storage, frozen, m, s, kg):
 )  # links that move are compiled for double by default
 def test_units_by_powers_of_two_give_the_same_bits(world, storage, frozen):
     """Metres, seconds and kilograms 2^20, 2^-13 and 2^7 times as large: the state differs by powers of two alone."""
+
     def state(*units):
         with running(world, "lbmdem", scaled(storage, frozen, *units)) as app:
             for _ in range(30):

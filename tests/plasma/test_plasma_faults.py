@@ -87,11 +87,7 @@ def start(folder, arguments):
 
 
 def kill_one_rank(process, rank):
-    ranks = [
-        child.pid
-        for child in psutil.Process(process.pid).children(recursive=True)
-        if "python" in child.name()
-    ]
+    ranks = [child.pid for child in psutil.Process(process.pid).children(recursive=True) if "python" in child.name()]
     assert len(ranks) == 2
     os.kill(ranks[rank], signal.SIGKILL)
     begin = time.monotonic()

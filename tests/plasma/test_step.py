@@ -24,7 +24,9 @@ THERMAL = {
     "2D parabola, spectral": {"points": [20, 17], "v": 1.0, "shape": "TSC", "gradient": "spectral"},
     "1D": {"points": [300], "v": 5.0},
     "2D clouds, every constant": {
-        "points": [20, 17], "equation": "a = 2.0; b = 0.1; c = -0.3; d = 0.5; e = -0.2; f = 0.1;", "cloud_radius": 1.0
+        "points": [20, 17],
+        "equation": "a = 2.0; b = 0.1; c = -0.3; d = 0.5; e = -0.2; f = 0.1;",
+        "cloud_radius": 1.0,
     },
     "3D, oblique field": {"points": [12, 9, 17], "v": 2.0, "magnetic": [0.1, 0.2, 0.3]},
 }

@@ -44,9 +44,7 @@ def make_sweep_command(app_loader: AppLoader) -> click.Command:
         help="Pair the lists value by value instead of combining them; all must have the same length.",
     )
     @shape_options
-    def sweep(
-        case: str, sets: tuple[str, ...], output: str | None, zipped: bool, ranks: int, threads: int
-    ) -> int:
+    def sweep(case: str, sets: tuple[str, ...], output: str | None, zipped: bool, ranks: int, threads: int) -> int:
         """Run CASE for every combination of --set KEY=1,2,4 or KEY=0.1:0.5:5 (from, to, how many).
 
         All runs end at the time at which CASE ends: where a setting would change that, the number of steps follows.

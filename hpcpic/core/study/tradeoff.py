@@ -48,9 +48,14 @@ def make_tradeoff_command(app_loader: AppLoader) -> click.Command:
     @click.option("--qoi", metavar="Q", help="What to get right, as 'mean(force_x, from=0.5)'.  [default: the scene's]")
     @click.option("--tolerance", metavar="E", help="Relative error wanted, as 0.01 or 1%: recommend and verify.")
     @click.option("--max-cost", metavar="T", help="Refuse to recommend a run longer than this: 90s, 15m, 2h.")
-    @click.option("--pilots", "allowance", type=click.FloatRange(3), metavar="N",
-                  help="What search and verification may cost together, in pilots of the case's own cost.  "
-                       "[default: 20, or 6 s, or half of the whole run, the most of these]")
+    @click.option(
+        "--pilots",
+        "allowance",
+        type=click.FloatRange(3),
+        metavar="N",
+        help="What search and verification may cost together, in pilots of the case's own cost.  "
+        "[default: 20, or 6 s, or half of the whole run, the most of these]",
+    )
     @click.option("--write", "target", metavar="FILE", help="Write the recommended case there.")
     @click.option("-o", "--output", metavar="DIR", help="Folder of the pilots.  [default: tradeoffs/CASE]")
     @set_option
@@ -135,9 +140,7 @@ def refuse_target(target: str, wanted: float | None) -> None:
         raise FileError(f"{folder}: no such folder, for --write {target}")
 
 
-def recommended(
-    recommendation: Recommendation, wanted: float, limit: float | None
-) -> tuple[Verified | None, str]:
+def recommended(recommendation: Recommendation, wanted: float, limit: float | None) -> tuple[Verified | None, str]:
     """The recommended run; or none, and why: the cost limit or the reference is in the way."""
     search = recommendation.search
     predicted = recommendation.expected(wanted).cost * whole_seconds(search)
@@ -181,8 +184,10 @@ def searched(app: App, asked: Asked, wanted: float | None) -> tuple[Search, Reco
     click.echo(f"{quantity.name}: {quantity.text}; pilots until t = {quantity.time:.4g} of {knobs.time:.4g} s")
     if asked.qoi is None:
         others = ", ".join(q.name for q in knobs.quantities()[1:])
-        click.echo(f"            taken as {quantity.why or 'the case is about it'}; --qoi takes another"
-                   f"{f': {others}' if others else ''}, or mean(COLUMN), max(COLUMN), ... (--help)")
+        click.echo(
+            f"            taken as {quantity.why or 'the case is about it'}; --qoi takes another"
+            f"{f': {others}' if others else ''}, or mean(COLUMN), max(COLUMN), ... (--help)"
+        )
     pilots = Pilots(app, read, asked.sets, knobs, folder, (asked.ranks, asked.threads))
     listed, choices = chosen_knobs(knobs, asked.names)
     record = Record(app.name, read, knobs, quantity)
@@ -190,10 +195,20 @@ def searched(app: App, asked: Asked, wanted: float | None) -> tuple[Search, Reco
     if hints:
         near = ", ".join(f"{k.name} x {hints[k.name].factor:.2g}" for k in listed if k.name in hints)
         n = len(record.of_other_cases)
-        click.echo(f"record      {n} earlier search{'es' if n > 1 else ''} of like scenes tell where to begin: {near}\n"
-                   f"            ({record.place})")
-    search = Search(pilots, listed, choices, quantity, wanted or WANTED, asked.allowance,
-                    trust_theory=wanted is not None, hints=hints)
+        click.echo(
+            f"record      {n} earlier search{'es' if n > 1 else ''} of like scenes tell where to begin: {near}\n"
+            f"            ({record.place})"
+        )
+    search = Search(
+        pilots,
+        listed,
+        choices,
+        quantity,
+        wanted or WANTED,
+        asked.allowance,
+        trust_theory=wanted is not None,
+        hints=hints,
+    )
     return search, record, folder
 
 

@@ -329,5 +329,3 @@ def growth(series: Series) -> float:
     if start == 0.0 or not np.isfinite(total).all():
         return math.inf if not np.isfinite(total).all() else 1.0
     return float(np.abs(total).max()) / start
-
-

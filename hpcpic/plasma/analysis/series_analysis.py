@@ -89,9 +89,7 @@ def growth_rate(t: np.ndarray, amplitude: np.ndarray, efolds: float = 2.0) -> Gr
         raise NoFit("it grows at no steady rate: it swings, and does not rise above what it was before")
     best = np.flatnonzero(good)[np.argmin(error[good] / slope[good])]
     first, last, middle = i[best], j[best], (i[best] + j[best]) // 2
-    halves = [
-        np.polyfit(t[a : b + 1] - t[a], y[a : b + 1], 1)[0] for a, b in ((first, middle), (middle, last))
-    ]
+    halves = [np.polyfit(t[a : b + 1] - t[a], y[a : b + 1], 1)[0] for a, b in ((first, middle), (middle, last))]
     start = np.exp(y[first : last + 1].mean() - slope[best] * t[first : last + 1].mean())
     whole_error = float(np.hypot(error[best], 0.5 * abs(halves[0] - halves[1])))
     if whole_error > STEADY * slope[best]:

@@ -147,9 +147,7 @@ def leapfrog_frequency(omega: float, dt: float) -> float:
     return 2.0 / dt * float(np.arcsin(0.5 * omega * dt))
 
 
-def cold_wave_frequency(
-    wp: float, dt: float, k: ArrayLike, dx: ArrayLike, per_cell: float = np.inf
-) -> float:
+def cold_wave_frequency(wp: float, dt: float, k: ArrayLike, dx: ArrayLike, per_cell: float = np.inf) -> float:
     """Frequency of a cold wave in CIC, 3-, 5- or 7-point Poisson, centred E, leapfrog; k and dx of each axis.
 
     The sums over aliases close exactly. Along an axis omega = (2/dt) asin((wp dt/2) cos(k dx/2)). In any direction,

@@ -51,9 +51,7 @@ MOST_POINTS = 2**31 - 1  # of an axis: FFTW counts so far
 
 class Simulation(Group):
     dimensions: Filled[Literal[1, 2, 3]] = setting(None, "1, 2 or 3; by default as many as space_length has")
-    solver: Literal["MFT", "LU"] = setting(
-        "MFT", "field solver: multiple Fourier transform, or LU for small grids"
-    )
+    solver: Literal["MFT", "LU"] = setting("MFT", "field solver: multiple Fourier transform, or LU for small grids")
     cycles: int = setting(REQUIRED, "number of steps", "steps", ge=0)
     time_step: float = setting(REQUIRED, "time step, negative runs backwards", "s")
     space_length: Lengths = setting(
@@ -63,22 +61,15 @@ class Simulation(Group):
     random_seed: int = setting(1, "seed of the random numbers", ge=0)
     stop_SEM: float = setting(
         0.0,
-        "stop when the standard error of the mean step time, times 1.96, is below this "
-        "fraction of the mean; 0 = never",
+        "stop when the standard error of the mean step time, times 1.96, is below this fraction of the mean; 0 = never",
         ge=0,
     )
 
 
 class Grid(Group):
-    points: Filled[Counts] = setting(
-        None, "grid points, [Nx], [Nx, Ny] or [Nx, Ny, Nz]", min_length=1, max_length=3
-    )
-    blocks: Counts | None = setting(
-        None, "older spelling of points: blocks x blocksize", min_length=1, max_length=3
-    )
-    blocksize: Counts | None = setting(
-        None, "older spelling of points: blocks x blocksize", min_length=1, max_length=3
-    )
+    points: Filled[Counts] = setting(None, "grid points, [Nx], [Nx, Ny] or [Nx, Ny, Nz]", min_length=1, max_length=3)
+    blocks: Counts | None = setting(None, "older spelling of points: blocks x blocksize", min_length=1, max_length=3)
+    blocksize: Counts | None = setting(None, "older spelling of points: blocks x blocksize", min_length=1, max_length=3)
 
 
 class Equation(Section):
@@ -113,9 +104,7 @@ class Perturbation(Group):
     mode: Integers = setting(
         REQUIRED, "whole wavelengths across the box, [nx], [nx, ny] or [nx, ny, nz]; k = 2 pi n / L"
     )
-    amplitude: float = setting(
-        0.0, "relative density a: positions move by (a/k) sin(k.x) along k", gt=-1, lt=1
-    )
+    amplitude: float = setting(0.0, "relative density a: positions move by (a/k) sin(k.x) along k", gt=-1, lt=1)
     velocity_amplitude: float = setting(0.0, "velocities change by b sin(k.x) along k", "m/s")
 
 
@@ -247,9 +236,7 @@ class Output(Section):
 
 class Numerics(Group):
     shape: Literal["NGP", "CIC", "TSC"] = setting("CIC", "particle shape: order 0, 1 (the thesis) or 2")
-    gradient: Literal["difference", "spectral"] = setting(
-        "difference", "E = -grad phi by (5.13), or by ik and k^2"
-    )
+    gradient: Literal["difference", "spectral"] = setting("difference", "E = -grad phi by (5.13), or by ik and k^2")
     cloud_radius: float = setting(
         0.0,
         "standard deviation of a Gaussian by which the solver spreads charges, and the field that they feel, beyond "

@@ -74,9 +74,7 @@ class SeriesSums:
             most=self.most,
         )
         with world.first_on_node():
-            self.node_tasks = [
-                arena.bind(node_sums, first=a, last=b, share=k) for k, (a, b) in enumerate(rows)
-            ]
+            self.node_tasks = [arena.bind(node_sums, first=a, last=b, share=k) for k, (a, b) in enumerate(rows)]
 
     def _lay_out(self) -> None:
         """The whole numbers of a sample in one line, which one reduction sums over the ranks: `shapes` of its parts."""

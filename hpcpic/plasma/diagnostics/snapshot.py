@@ -113,9 +113,7 @@ def restore(scene: Scene, world: World, cloud: Cloud, reader: Rows) -> None:
         low, high = block_ranges(species.n, world.size)[world.rank]
         for first in range(0, -(-species.n // world.size), CHUNK):
             a, b = min(low + first, high), min(low + first + CHUNK, high)
-            columns = [
-                reader.read(f"{species.name}/{name}", a, b) for name in ("tile", "position", "velocity")
-            ]
+            columns = [reader.read(f"{species.name}/{name}", a, b) for name in ("tile", "position", "velocity")]
             if not all_in_tiles(scene, *columns[:2]):
                 raise Diverged(f"a position of {species.name} is not a number, or not within its tile")
             cloud.admit(cloud.records(k, np.arange(a, b), *columns))

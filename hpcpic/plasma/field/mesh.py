@@ -201,8 +201,7 @@ def gap(field: Field) -> int:
 
 
 def _with_pitch(array: NDArray) -> NDArray:
-    """The array as rows (3D: planes) of its full pitch, C-contiguous: its own nodes are the first of each; 1D: one row.
-    """
+    """The array as rows (3D: planes) of its full pitch, C-contiguous: own nodes are the first of each; 1D: one row."""
     if array.ndim == 1:
         return array[None]
     shape = len(array), array.strides[0] // array.itemsize

@@ -149,8 +149,7 @@ def share_of(a, unit):
 
 @inlined
 def corners_of(at):
-    """Charge at the corners of eight cells from their sums, which are zeroed; above those of a plane those of the next.
-    """
+    """Charge at the corners of eight cells from their sums, which are zeroed; those of a plane, then of the next."""
     none = splat(P8, 0)
     if DIM == 1:
         u = gather_lines(P8, 2, at, lane_numbers(WIDE) * SUM)

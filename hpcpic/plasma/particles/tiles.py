@@ -44,9 +44,7 @@ class Tiles:
         self.columns = own if d == 1 else (0, columns)
         self.pitch = rows + ghosts if d == 3 else 0
         first = self.columns[0]
-        self.block_columns = [
-            (first + a, first + b) for a, b in block_ranges(self.columns[1] - first, n_blocks)
-        ]
+        self.block_columns = [(first + a, first + b) for a, b in block_ranges(self.columns[1] - first, n_blocks)]
         tiles, layer = -(-columns // edge), -(-columns // edge) * -(-rows // edge)
         row_pieces, plane_pieces = _pieces(*self.rows, edge), _pieces(*self.planes, edge)
         self.row_part = np.full(rows + (planes if d == 3 else 0), -1, np.int32)

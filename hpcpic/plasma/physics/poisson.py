@@ -191,9 +191,7 @@ class MFT:
         factor = green(operator, points, spacing, columns, spectral=spectral, cloud_radius=cloud_radius) / -permittivity
         factor /= np.prod(points)
         if gradient == "spectral":
-            factor = np.stack(
-                np.broadcast_arrays(factor, *(k * factor for k in _gradient(points, spacing, columns)))
-            )
+            factor = np.stack(np.broadcast_arrays(factor, *(k * factor for k in _gradient(points, spacing, columns))))
         self._fft = transform(world, pool, points, domain.cuts, dtype, factor)
         self.rho: NDArray = self._fft.real
         self.phi, *self.E = self._fft.results

@@ -40,9 +40,7 @@ class Scene:
         self.velocity_components = case.velocity_components(config)
         self.volume = case.volume(config)
         self.cell_volume = float(np.prod(self.spacing))
-        self.velocity_spacing = np.array(
-            (*self.spacing, self.spacing[0], self.spacing[0])[: self.velocity_components]
-        )
+        self.velocity_spacing = np.array((*self.spacing, self.spacing[0], self.spacing[0])[: self.velocity_components])
         first = np.cumsum([0] + [section.particles for section in config.species])
         self.species = tuple(SceneSpecies(self, section, int(i)) for section, i in zip(config.species, first))
         self.n_particles = int(first[-1])

@@ -67,8 +67,7 @@ def round_all_over(wall: Any, depths: Reals) -> tuple[Reals, Reals]:
 
 
 def pipe(wall: Any, depths: Reals) -> tuple[Reals, Reals]:
-    """x[n, 3] and normals of the particles of a cylinder, or of those around one; along a periodic axis it has no ends.
-    """
+    """x[n, 3] and normals of the particles of a cylinder, or of those around one; a periodic axis leaves no ends."""
     cylinder, dp, scene, side = wall.shape.cylinder, wall.scene.spacing, wall.scene, outward(wall)
     radius, base, way = cylinder.radius, np.array(cylinder.base), np.array(cylinder.top) - np.array(cylinder.base)
     length = float(np.sqrt(product(way, way)))

@@ -1,6 +1,5 @@
 """What a case is made of in Python, how it is changed, and in which words it is refused."""
 
-
 import numpy as np
 import pytest
 

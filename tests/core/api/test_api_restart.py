@@ -14,8 +14,11 @@ def test_a_restart_with_other_fields_and_histograms_goes_on_and_is_read_as_one_r
     run = CASE.run(tmp_path / "run", threads=1, quiet=True)
     first, opened = np.array(run.fields("rho", step=4)), run
     assert run.series.step[-1] == 4
-    later = {"simulation.cycles": 8, "output.fields": ["E", "phi"],
-             "histogram": [{"name": "xv", "species": "right", "of": ["x", "vx"]}]}
+    later = {
+        "simulation.cycles": 8,
+        "output.fields": ["E", "phi"],
+        "histogram": [{"name": "xv", "species": "right", "of": ["x", "vx"]}],
+    }
     run = run.restart(later, threads=1, quiet=True)
     assert opened.series.step[-1] == 8 and len(opened.field_times) == 5  # the one that was restarted is read anew
     assert run.status == "finished" and not run.summary.get("reason")

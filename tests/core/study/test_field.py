@@ -55,7 +55,12 @@ def test_it_sees_errors_that_cancel_in_the_sum():
     ids=["lost", "kept by the case", "asked for"],
 )
 def test_nothing_is_certified_whose_field_is_lost_unless_the_user_named_the_quantity(
-    program, tmp_path, monkeypatch, words, at_case, code  # noqa: F811
+    program,  # noqa: F811
+    tmp_path,
+    monkeypatch,
+    words,
+    at_case,
+    code,
 ):
     """The error of the answer is small whatever the field: of the energy of a plasma whose wave drowns in noise."""
     seen = Seen("E", (0.0,), (1.0,), (16,), lambda time: ())

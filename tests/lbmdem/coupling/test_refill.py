@@ -53,6 +53,7 @@ def rest(lattice, density, u):
 @LATTICES
 def test_the_paper_takes_the_mean_density_and_the_velocity_of_the_grain(world, pool, lattice):
     """Of all fluid nodes: here those of one half of the box have 1.03 and the others the density of rest."""
+
     def halves(fluid):
         return np.where(np.arange(fluid.domain.points[-1]) < 7, uniform(1.03, (0.01, 0.0, 0.0))(fluid), 0.0)
 

@@ -68,7 +68,7 @@ def test_a_channel_tells_its_flow_along_any_axis(world, along):
     size[other], force[along] = 1e-3, 0.01
     text = f"""
     simulation = {{ end_time = 2.0; }};
-    domain = {{ size = {size}; spacing = 1.0e-4; periodic = ["{'xy'[along]}"]; }};
+    domain = {{ size = {size}; spacing = 1.0e-4; periodic = ["{"xy"[along]}"]; }};
     fluid = {{ kinematic_viscosity = 1.0e-6; relaxation_time = 1.0; body_force = {force}; }};"""
     with running(world, "lbmdem", text) as app:
         while app.time < 2.0:

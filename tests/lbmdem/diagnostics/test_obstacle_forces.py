@@ -41,11 +41,11 @@ def test_a_plane_bears_the_weight_of_a_grain_that_lies_on_it(world, d):
     plane = f"{{ point = [{', '.join(down)}, 3.0e-4]; normal = [{', '.join(down)}, 1.0]; }}"
     case = f"""
     simulation = {{ end_time = 1.0; }};
-    domain = {{ size = [{', '.join(size)}]; spacing = 2.0e-4; periodic = ["x"]; }};
+    domain = {{ size = [{", ".join(size)}]; spacing = 2.0e-4; periodic = ["x"]; }};
     fluid = {{ density = 1000.0; kinematic_viscosity = 1.0e-4; relaxation_time = 1.1; }};
     obstacle = ({{ name = "floor"; shape = {{ plane = {plane}; }}; }});
-    grains = ({{ diameter = 1.0e-3; density = 2000.0; position = [{', '.join(place)}, 7.975e-4]; }});
-    gravity = [{', '.join(down)}, -9.81];
+    grains = ({{ diameter = 1.0e-3; density = 2000.0; position = [{", ".join(place)}, 7.975e-4]; }});
+    gravity = [{", ".join(down)}, -9.81];
     contact = {{ normal_stiffness = {3.0e3 if d == 2 else 2.0}; damping = 0.8; }};
     """
     with running(world, "lbmdem", case) as app:

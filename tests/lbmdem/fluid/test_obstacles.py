@@ -118,8 +118,9 @@ def test_a_dry_grain_goes_down_a_plane_as_down_a_floor_where_gravity_is_tilted(w
 def test_a_rule_that_needs_one_rank_is_a_fault_of_the_case(world, moving):
     """The quadratic rule reads two nodes beyond a slab: exit code 2, on every rank."""
     sets = ('coupling.bounce_back="quadratic"', f"grains[0].moving={moving}")
-    with pytest.raises(ConfigError, match="one rank only"), running(
-        world, "lbmdem", PLANE.format(height=3.2e-3, place=1.6e-3, floor=""), sets
+    with (
+        pytest.raises(ConfigError, match="one rank only"),
+        running(world, "lbmdem", PLANE.format(height=3.2e-3, place=1.6e-3, floor=""), sets),
     ):
         pass
 

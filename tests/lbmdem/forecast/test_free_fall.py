@@ -387,7 +387,7 @@ fluid = { density = 1000.0; kinematic_viscosity = 1.0e-6; relaxation_time = 0.8;
         (("simulation.end_time=0.2",), 0.1 * 0.2),  # which is not reached
         (('domain.periodic=["x", "y"]', "simulation.end_time=2.0"), 0.1 * 2.0),
         (('domain.periodic=["y"]',), None),  # walls across the force
-        (('obstacle=({shape={box={low=[1.0e-3,0.0];high=[2.0e-3,1.0e-3];};};})',), None),
+        (("obstacle=({shape={box={low=[1.0e-3,0.0];high=[2.0e-3,1.0e-3];};};})",), None),
     ],
 )
 def test_the_speed_that_a_body_force_makes_is_told(sets, speed):
@@ -410,11 +410,14 @@ def test_of_a_force_past_solids_that_stay_the_limit_without_them_is_told():
 def sheet(share, a, nu=1.0e-6):
     """Discs of 1 mm in a square array, in which they take this share of the area; driven by a."""
     side = math.sqrt(math.pi / 4.0 / share) * 1.0e-3
-    return CHANNEL.split("domain")[0] + f"""
+    return (
+        CHANNEL.split("domain")[0]
+        + f"""
 domain = {{ size = [{side!r}, {side!r}]; spacing = {side / 24!r}; periodic = ["x", "y"]; }};
 fluid = {{ kinematic_viscosity = {nu!r}; relaxation_time = 1.0; body_force = [0.0, {a!r}]; }};
 grains = ({{ diameter = 1.0e-3; moving = false; position = [{0.5 * side!r}, {0.5 * side!r}]; }});
 """
+    )
 
 
 @pytest.mark.parametrize(
@@ -462,10 +465,13 @@ def test_a_body_force_that_makes_the_fluid_too_fast_is_refused():
     assert number(CHANNEL, name, "fluid.body_force=[5.0, 0.0]", f"fluid.relaxation_time={tau}").verdict == "ok"
 
 
-GAUGED = CHANNEL + """
+GAUGED = (
+    CHANNEL
+    + """
 gauge = ({ what = "pressure"; at = [2.0e-3, 1.0e-3]; });
 grains = ({ name = "pin"; diameter = 6.0e-4; moving = false; position = [2.0e-3, 1.2e-3]; });
 """
+)
 
 
 def test_a_gauge_in_a_grain_is_told():
@@ -473,7 +479,7 @@ def test_a_gauge_in_a_grain_is_told():
     assert number(GAUGED, name).verdict == "warn" and number(GAUGED, name).key == ("gauge", 0, "at")
     for apart in ("gauge[0].at=[1.0e-3, 1.0e-3]", "gauge[0].size=[0.0, 2.0e-3]"):
         assert number(GAUGED, name, apart) is None
-    box = "obstacle=({name=\"bar\";shape={box={low=[1.5e-3,0.0];high=[2.5e-3,1.1e-3];};};})"
+    box = 'obstacle=({name="bar";shape={box={low=[1.5e-3,0.0];high=[2.5e-3,1.1e-3];};};})'
     assert number(GAUGED, "gauge_1 in bar", box).verdict == "warn"
 
 

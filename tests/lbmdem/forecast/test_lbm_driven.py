@@ -62,8 +62,8 @@ def test_gravity_that_drives_nothing_is_told(world):
     with running(world, "lbmdem", SLOT, falls) as app:
         app.step()
         assert app.scalars()["momentum_x"] == 0.0
-    moving = 'grains=({ diameter = 1.0e-3; position = [0.01, 0.005]; })'
-    packed = 'grains=({ moving = false; diameters = { min = 1e-3; max = 1e-3; count = 2; }; packing = { }; })'
+    moving = "grains=({ diameter = 1.0e-3; position = [0.01, 0.005]; })"
+    packed = "grains=({ moving = false; diameters = { min = 1e-3; max = 1e-3; count = 2; }; packing = { }; })"
     for sets in (("gravity=[0.0, -9.81]",), ("fluid.body_force=[1.0, 0.0]",), (moving,), (packed,)):
         assert told(name, *falls, *sets) is None
 

@@ -147,8 +147,11 @@ def test_dense_grains_want_the_substeps_of_their_films_and_few_do_not(world):
 
 def test_films_that_take_most_of_a_step_are_told_with_the_way_to_fewer_substeps():
     """Where grains are dense in a viscous fluid; with that number given, or few grains, nothing is told."""
-    dense = SUSPENSION.partition("grains")[0] + """grains = ({ density = 1000.0;
+    dense = (
+        SUSPENSION.partition("grains")[0]
+        + """grains = ({ density = 1000.0;
         diameters = { min = 1.0e-3; max = 1.0e-3; count = 6; }; packing = { porosity = 0.7; }; });"""
+    )
 
     def note(text, *sets):
         return substeps(configure(loads(text, sets=sets))).source
@@ -180,5 +183,3 @@ def test_substeps_of_a_suspension_are_those_of_its_narrowest_gap(world):
     assert light.substeps < taken and taken == pytest.approx(expected_substeps(light), abs=1)
     heavy = configure(loads(SUSPENSION, sets=["grains[0].density=1200.0"]))
     assert expected_substeps(heavy) > 20 * taken
-
-

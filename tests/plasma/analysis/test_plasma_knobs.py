@@ -137,10 +137,10 @@ def test_sound_that_drifting_electrons_drive_is_about_its_growth_where_the_run_s
 
 def test_a_mode_without_a_law_is_asked_for_its_amplitude_from_the_start_to_the_end():
     """Ions that wave among electrons as particles: the energy knows nothing of a wave that drowns in noise."""
-    strata = ("name=\"e\"", "particles=30208", "charge=-1.0", "mass=1.0", "init_method=\"strata\"")
+    strata = ('name="e"', "particles=30208", "charge=-1.0", "mass=1.0", 'init_method="strata"')
     electrons = f"{{ {'; '.join((*strata, 'plasma_frequency=1.0', 'thermal_velocity=1.0'))}; }}"
     wave = "perturbation={ mode=[%d]; amplitude=0.02; }"
-    ions = f"{{ name=\"i\"; particles=10240; charge=1.0; mass=50.0; plasma_frequency=0.141421356; {wave}; }}"
+    ions = f'{{ name="i"; particles=10240; charge=1.0; mass=50.0; plasma_frequency=0.141421356; {wave}; }}'
     for mode, names in ((1, ["amplitude", "energy"]), (12, ["energy"])):  # mode_12 is no column of the series
         config = read("two-stream-warm", (f"species=({electrons}, {ions % mode})",))
         quantities = knobs_of(config).quantities()

@@ -165,7 +165,7 @@ ALONG, ACROSS, NONE = ((0.3, 0.0, 0.0),), ((0.0, 0.0, 0.7), (0.0, 0.7, 0.0)), ((
 
 @pytest.mark.parametrize("magnetic, drawn", [*((b, True) for b in ALONG + ACROSS), *((b, False) for b in NONE)])
 def test_the_branches_of_a_spectrum_know_the_magnetic_field(magnetic, drawn, tmp_path):
-    electrons = '{ particles = 64; charge = -1.0; mass = 1.0; plasma_frequency = 1.0; thermal_velocity = 0.5; }'
+    electrons = "{ particles = 64; charge = -1.0; mass = 1.0; plasma_frequency = 1.0; thermal_velocity = 0.5; }"
     text = BARE.replace("POINTS", "8").replace("SPECIES", electrons) + f"field = {{ magnetic = {list(magnetic)}; }};"
     (tmp_path / "case.conf").write_text(text)
     axes = PLOTS["spectrum"].make(open_run(make_run(tmp_path / "case.conf", tmp_path / "a")), None).axes[0]

@@ -18,10 +18,18 @@ BASES = {  # the keys that each adds to the others
 }
 KEYS = {
     "macro-particles": (
-        "simulation.time_step", "simulation.space_length[]", "field.magnetic[]", "field.electric[]",
-        "constants.vacuum_permittivity", "species[0].charge", "species[0].mass", "species[0].drift_velocity[]",
-        "species[0].thermal_velocity", "species[0].perturbation.amplitude",
-        "species[0].perturbation.velocity_amplitude", "simulation.stop_SEM",
+        "simulation.time_step",
+        "simulation.space_length[]",
+        "field.magnetic[]",
+        "field.electric[]",
+        "constants.vacuum_permittivity",
+        "species[0].charge",
+        "species[0].mass",
+        "species[0].drift_velocity[]",
+        "species[0].thermal_velocity",
+        "species[0].perturbation.amplitude",
+        "species[0].perturbation.velocity_amplitude",
+        "simulation.stop_SEM",
     ),
     "plasma frequency": ("species[0].plasma_frequency", "species[0].temperature"),
     "density": ("species[0].density", "species[0].particles_per_cell", "species[0].temperature", "species[0].mass"),

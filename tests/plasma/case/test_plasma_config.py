@@ -53,7 +53,7 @@ def faults_of(text, sets=()):
 @pytest.mark.parametrize("key, given", [("gradient", '"spectral"'), ("cloud_radius", "0.5")])
 def test_what_needs_a_fourier_space_is_refused_with_lu(key, given):
     (told,) = faults_of(CASE, [f"numerics.{key}={given}", 'simulation.solver="LU"'])
-    assert f"numerics.{key}: needs the Fourier space of simulation.solver = \"MFT\" (got {given} with \"LU\")" in told
+    assert f'numerics.{key}: needs the Fourier space of simulation.solver = "MFT" (got {given} with "LU")' in told
     read(sets=[f"numerics.{key}={given}"])
 
 
@@ -103,9 +103,7 @@ def test_files_in_the_style_of_the_thesis_author_are_read(name, points, species,
     tree = load(CPIC / f"{name}.conf")
     config = configure(tree)
     assert config.grid.points == points and len(config.species) == species
-    listing = [
-        warning for warning in tree.warnings if warning.startswith("keys without meaning here, ignored: ")
-    ]
+    listing = [warning for warning in tree.warnings if warning.startswith("keys without meaning here, ignored: ")]
     assert len(listing) == 1 and ignored in listing[0]
     enforce(derived(config), tree)  # and none of them is refused
 
@@ -267,8 +265,10 @@ def test_all_bad_settings_are_told_at_once_with_their_places():
         ("species[0].position_init=[1.0]", "species[0].position_init: needs 2 number(s)"),
         ('species[0].init_method="position delta"', "species[0]: position_init is missing"),
         ('species[0].init_method="harmonic two electrons"', "species[0].particles: must be 2"),
-        ('species[0].init_method="quite"', "'harmonic two electrons', 'default' or 'random position' (got 'quite'); "
-         "did you mean 'quiet'?"),
+        (
+            'species[0].init_method="quite"',
+            "'harmonic two electrons', 'default' or 'random position' (got 'quite'); did you mean 'quiet'?",
+        ),
         (
             "species[0].perturbation={mode=[1]}",
             "species[0].perturbation.mode: needs 2 number(s) in 2D (got 1)",
@@ -398,17 +398,11 @@ def test_checking_a_case_loads_no_heavy_library():
     assert out.stdout == "set()\n", out.stderr
 
 
-keys = st.sampled_from(
-    sorted({part.strip("[]") for row in describe(PlasmaConfig) for part in row.key.split(".")})
-)
-leaves = (
-    st.booleans() | st.integers() | st.floats() | st.text(max_size=5) | st.sampled_from(["MFT_TAP", "quiet"])
-)
+keys = st.sampled_from(sorted({part.strip("[]") for row in describe(PlasmaConfig) for part in row.key.split(".")}))
+leaves = st.booleans() | st.integers() | st.floats() | st.text(max_size=5) | st.sampled_from(["MFT_TAP", "quiet"])
 anything = st.recursive(
     leaves,
-    lambda inner: (
-        st.lists(inner, max_size=3) | st.lists(inner, max_size=3).map(tuple) | st.dictionaries(keys, inner)
-    ),
+    lambda inner: st.lists(inner, max_size=3) | st.lists(inner, max_size=3).map(tuple) | st.dictionaries(keys, inner),
     max_leaves=15,
 )
 

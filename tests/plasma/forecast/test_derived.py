@@ -48,14 +48,10 @@ def test_the_time_step_is_refused_where_the_scheme_is_unstable(step, verdict, fo
     assert (found["wp dt"].verdict, found["wp dt"].forceable) == (verdict, forceable)
     if verdict != "fail":
         return
-    with pytest.raises(
-        ConfigError, match=r"--set simulation.time_step=.*: simulation.time_step: time step wp dt = "
-    ):
+    with pytest.raises(ConfigError, match=r"--set simulation.time_step=.*: simulation.time_step: time step wp dt = "):
         enforce(found.values(), tree)
     if forceable:
-        assert any(
-            "refused without --force" in warning for warning in enforce(found.values(), tree, force=True)
-        )
+        assert any("refused without --force" in warning for warning in enforce(found.values(), tree, force=True))
     else:
         with pytest.raises(ConfigError):
             enforce(found.values(), tree, force=True)
@@ -138,9 +134,7 @@ def test_charges_of_both_signs_that_do_not_cancel_are_told():
     assert numbers()[0]["rho_0"].limit == "" and numbers([IMBALANCE, "species[1].particles=0"])[0]["rho_0"].limit == ""
 
 
-@pytest.mark.parametrize(
-    "thermal, verdict", [(1.0, "ok"), (0.5, "ok"), (0.4, "warn"), (0.04, "warn"), (0.02, "fail")]
-)
+@pytest.mark.parametrize("thermal, verdict", [(1.0, "ok"), (0.5, "ok"), (0.4, "warn"), (0.04, "warn"), (0.02, "fail")])
 def test_the_debye_length_against_the_grid(thermal, verdict):
     found, _ = numbers([f"species[0].thermal_velocity={thermal}"])
     number = found["lambda_D/dx"]
@@ -214,9 +208,7 @@ def test_more_ranks_than_rows_are_refused_with_the_largest_number():
 
 
 def test_units_beyond_floating_point_are_refused():
-    found, tree = numbers(
-        ["species[0].charge=1e200", "species[0].mass=1e-200", "species[0].plasma_frequency=0"]
-    )
+    found, tree = numbers(["species[0].charge=1e200", "species[0].mass=1e-200", "species[0].plasma_frequency=0"])
     with pytest.raises(ConfigError, match="choose other units"):
         enforce(found.values(), tree, force=True)
 

@@ -28,9 +28,11 @@ def species(name, n, wp, thermal, amplitude=None, mass=1.0, method="strata", mod
 
 def config_of(k, *of_species, time=200.0, dt=0.2, scale=1.0, head=""):
     length, cycles = scale * 2 * math.pi / k, round(time / dt)
-    return configure(loads(f"""
+    return configure(
+        loads(f"""
         simulation = {{ cycles = {cycles}; time_step = {dt!r}; space_length = [{length!r}]; }};
-        grid = {{ points = [64]; }}; {head} species = ( {", ".join(of_species)} );"""))
+        grid = {{ points = [64]; }}; {head} species = ( {", ".join(of_species)} );""")
+    )
 
 
 def told(config):

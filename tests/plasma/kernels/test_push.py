@@ -1,6 +1,5 @@
 """Laws of the particle kernels: vector = plain bits, exact charge, no particle lost at any speed, |v| kept."""
 
-
 import numpy as np
 import pytest
 

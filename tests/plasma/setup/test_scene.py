@@ -217,12 +217,7 @@ def test_a_quiet_start_is_far_more_even_than_a_random_one():
 
 def test_a_quiet_start_is_even_in_phase_space():
     """Position and velocity are uncorrelated: currents and temperatures of the first modes vanish."""
-    text = (
-        CASE.replace("[8.0, 4.0]", "8.0")
-        .replace("[16, 8]", "16")
-        .replace(", -3.0]", "]")
-        .replace(", 0.25]", "]")
-    )
+    text = CASE.replace("[8.0, 4.0]", "8.0").replace("[16, 8]", "16").replace(", -3.0]", "]").replace(", 0.25]", "]")
     x, v = state(second("particles=65536", "thermal_velocity=1.0", "init_method=quiet", text=text))
     for m in (1, 2, 3):
         wave = np.exp(-2j * np.pi * m * x[:, 0] / 8)
@@ -248,12 +243,7 @@ def test_a_perturbation_moves_positions_and_velocities_along_k():
 
 
 def test_a_perturbation_makes_a_density_wave_of_its_amplitude():
-    text = (
-        CASE.replace("[8.0, 4.0]", "8.0")
-        .replace("[16, 8]", "16")
-        .replace(", -3.0]", "]")
-        .replace(", 0.25]", "]")
-    )
+    text = CASE.replace("[8.0, 4.0]", "8.0").replace("[16, 8]", "16").replace(", -3.0]", "]").replace(", 0.25]", "]")
     x, _ = state(second("init_method=quiet", "perturbation={mode=3; amplitude=0.01}", text=text))
     wave = np.exp(-2j * np.pi * 3 * x[:, 0] / 8).mean()
     assert wave == pytest.approx(-0.005, rel=1e-3)  # n = n0 (1 - a cos kx) to first order in a
@@ -342,9 +332,7 @@ def test_radical_inverses_are_distinct_and_evenly_spread(base, total):
 
 
 def test_bit_reversed_numbers_in_base_two():
-    np.testing.assert_array_equal(
-        radical_inverse(np.arange(8), 2, 8) * 8, [0.5, 4.5, 2.5, 6.5, 1.5, 5.5, 3.5, 7.5]
-    )
+    np.testing.assert_array_equal(radical_inverse(np.arange(8), 2, 8) * 8, [0.5, 4.5, 2.5, 6.5, 1.5, 5.5, 3.5, 7.5])
 
 
 @given(st.integers(1, 5000), st.integers(1, 64), st.integers(1, 64))

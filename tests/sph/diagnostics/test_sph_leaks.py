@@ -43,10 +43,7 @@ def thrown(leaks, seed, reach=0.4):
     scene, storage, walls = leaks.scene, leaks.storage, leaks.walls
     x = np.random.default_rng(seed).uniform(-reach, 1.0 + reach, (storage.n, scene.dimensions))
     storage.x[:, storage.own_slots] = (x - scene.low)[:, list(scene.axes)].T
-    return [
-        storage.own_slots[lost_in(wall, walls.at_rest(wall, storage.physical("x")))]
-        for wall in scene.walls
-    ]
+    return [storage.own_slots[lost_in(wall, walls.at_rest(wall, storage.physical("x")))] for wall in scene.walls]
 
 
 def held(leaks, lost):

@@ -74,8 +74,11 @@ def test_a_wall_through_a_period_is_as_long_as_that(shape):
         gravity="[0.0, 0.0, -9.81]",
         domain='{ low = [0.0, 0.0, 0.0]; high = [1.0, 1.0, 1.0]; periodic = ["y"]; }',
         fluid='( { name = "water"; shape = { box = { low = [0.0, 0.0, 0.0]; high = [0.5, 1.0, 0.4]; }; }; } )',
-        wall=PARTS["wall"].replace("0.0, 0.0]", "0.0, 0.0, 0.0]").replace("1.0, 1.0]", "1.0, 1.0, 1.0]")
-        .replace("y+", "z+")[:-1] + gate,
+        wall=PARTS["wall"]
+        .replace("0.0, 0.0]", "0.0, 0.0, 0.0]")
+        .replace("1.0, 1.0]", "1.0, 1.0, 1.0]")
+        .replace("y+", "z+")[:-1]
+        + gate,
     )
     number = numbers["least gap between gate and tank on the way of gate"]
     assert number.value == pytest.approx(0.0, abs=0.011)  # round walls by spheres in their particles
@@ -108,7 +111,7 @@ def test_what_slips_or_does_not_swing_drags_no_layer_along(kind, nu, motion):
 def test_the_sound_that_a_swing_asks_for_is_not_too_fast():
     """A slow swing in a wide box: c0 of 50 times the largest velocity would be told as waste."""
     parts = {"gravity": "[0.0, 0.0]"}
-    wall = f'( {BOX % ([0.5, 0.1], [0.6, 0.2], SWING)}'
+    wall = f"( {BOX % ([0.5, 0.1], [0.6, 0.2], SWING)}"
     first = told(**parts, wall=wall)
     assert first["swing of gate beside sound"].verdict == "warn"
     cured = told(**parts, wall=wall, eos=f"{{ {first['swing of gate beside sound'].cure}; }}")

@@ -133,10 +133,12 @@ def test_a_viscosity_that_a_spacing_does_not_resolve_is_told_where_walls_stick(v
 def test_the_viscosity_of_alpha_is_that_by_which_a_shear_wave_decays(d, ratio):
     """The terms of the code on a lattice: v_x = sin(k y), 60 spacings long."""
     flat = ", ".join(["0.0"] * d), ", ".join(["1.0"] * d)
-    config = configure(loads(f"""simulation = {{ dimensions = {d}; end_time = 1.0; }};
+    config = configure(
+        loads(f"""simulation = {{ dimensions = {d}; end_time = 1.0; }};
         fluid = ( {{ shape = {{ box = {{ low = [{flat[0]}]; high = [{flat[1]}]; }}; }}; }} );
         eos = {{ sound_speed = 20.0; max_velocity = 2.0; }};
-        numerics = {{ spacing = 0.1; smoothing = {ratio}; artificial_viscosity = 0.05; }};"""))
+        numerics = {{ spacing = 0.1; smoothing = {ratio}; artificial_viscosity = 0.05; }};""")
+    )
     number = {n.name: n for n in derived(config)}["kinematic viscosity of alpha"]
     h, k = config.h, 2 * np.pi / 6.0
     offsets = np.stack(np.meshgrid(*[0.1 * np.arange(-4, 5)] * d), -1).reshape(-1, d)  # x_j - x_i

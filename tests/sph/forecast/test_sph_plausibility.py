@@ -129,7 +129,7 @@ def test_a_sensor_beside_an_edge_of_a_block_is_told(low, left_out, middle, apart
     found = told(wall=wall, gauge=sensor(f"at = [0.7, {middle}]; size = [0.0, 0.2];")).get("edge beside sensor")
     assert (found is None) == (apart is None)
     assert found is None or (found.verdict == "warn" and found.value == pytest.approx(apart, abs=1e-9))
-    above = 'shape = { box = { low = [0.7, 0.6]; high = [0.8, 0.8]; }; };'
+    above = "shape = { box = { low = [0.7, 0.6]; high = [0.8, 0.8]; }; };"
     wall = wall[:-1] + f', {{ name = "above"; solid = true; {above} }} )'
     gauge = sensor("at = [0.7, 0.5]; size = [0.0, 0.2];")
     assert "edge beside sensor" not in told(wall=wall, gauge=gauge)  # the face goes on
@@ -243,8 +243,11 @@ def test_the_background_beside_gases_is_nothing_where_a_liquid_has_an_open_surfa
 
 def test_a_wall_that_swings_as_fast_as_sound_goes_through_the_fluid_is_told():
     """Without gravity the sound speed follows from the speed of the wall alone."""
-    wall = PARTS["wall"][:-1] + """, { name = "rod"; solid = true; motion = { amplitude = [0.004, 0.0]; period = 0.5; };
+    wall = (
+        PARTS["wall"][:-1]
+        + """, { name = "rod"; solid = true; motion = { amplitude = [0.004, 0.0]; period = 0.5; };
         shape = { sphere = { centre = [0.5, 0.25]; radius = 0.1; }; }; } )"""
+    )
     number = told(wall=wall, gravity="[0.0, 0.0]")["swing of rod beside sound"]
     assert number.verdict == "warn" and number.value > 10
     quick = told(wall=wall, gravity="[0.0, 0.0]", eos="{ " + number.cure + "; }")["swing of rod beside sound"]

@@ -5,8 +5,11 @@ from test_sph_plausibility import PARTS, air, told
 
 RIM = PARTS["wall"].replace("high = [1.0, 1.0]", "high = [1.0, 0.6]")
 HIGH = PARTS["fluid"].replace("0.3]", "0.8]")
-BESIDE = RIM[:-1] + """, { name = "dam"; solid = true; shape = { box = { low = [-0.2, 0.5]; high = [0.0, 1.0]; }; }; },
+BESIDE = (
+    RIM[:-1]
+    + """, { name = "dam"; solid = true; shape = { box = { low = [-0.2, 0.5]; high = [0.0, 1.0]; }; }; },
     { name = "gate"; solid = true; shape = { box = { low = [1.0, 0.5]; high = [1.2, 1.0]; }; }; } )"""
+)
 DROP = HIGH.replace("low = [0.0, 0.0]; high = [1.0", "low = [0.4, 0.7]; high = [0.6")
 NAME = "height of water over the rim of tank"
 

@@ -130,8 +130,9 @@ def test_bodies_that_do_not_feel_it_are_told():
 @pytest.mark.mpi(min_size=2)
 def test_ranks_find_what_one_does():
     case = driven(text(size=(2.0, 1.0), fill=(1.5, 0.5), more=tank(2, "extrapolated-free-slip", (2.0, 1.0))), "swirl")
-    together, alone, threads = (engine(world, n, case=case)
-                                for world, n in ((World.start(), 1), (World.alone(), 1), (World.alone(), 2)))
+    together, alone, threads = (
+        engine(world, n, case=case) for world, n in ((World.start(), 1), (World.alone(), 1), (World.alone(), 2))
+    )
     for sph in (together, alone, threads):
         jitter(sph, speed=0.1)
         for _ in range(10):

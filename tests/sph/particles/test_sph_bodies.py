@@ -132,9 +132,11 @@ def test_a_rotor_whose_motions_are_held_turns_at_its_speed_and_drives_the_fluid(
 def test_the_speed_of_sound_knows_how_fast_a_rotor_goes():
     """Its tips, 0.2236 m off, and those of one on a hinge, 0.4123 m off; or what a ball that spins has besides."""
     turning = text(fill=1.0, gravity=(0.0, 0.0), more="").replace("eos = { sound_speed = 20.0;", "eos = {")
-    for more, shape, speed in (('held = ["x", "y", "rz"];', BOX, 8.0 * math.hypot(0.2, 0.1)),
-                               ("hinge = { point = [0.3, 0.5]; };", BOX, 8.0 * math.hypot(0.4, 0.1)),
-                               ("velocity = [3.0, 0.0];", "sphere = { centre = [0.5, 0.5]; radius = 0.2; };", 4.6)):
+    for more, shape, speed in (
+        ('held = ["x", "y", "rz"];', BOX, 8.0 * math.hypot(0.2, 0.1)),
+        ("hinge = { point = [0.3, 0.5]; };", BOX, 8.0 * math.hypot(0.4, 0.1)),
+        ("velocity = [3.0, 0.0];", "sphere = { centre = [0.5, 0.5]; radius = 0.2; };", 4.6),
+    ):
         case = config(turning + bodies(body(shape, more=f"angular_velocity = [8.0]; {more}")))
         found = {number.name: number for number in derived(case)}
         assert case.sound_speed == pytest.approx(10 * speed) and case.eos.max_velocity == pytest.approx(speed)
@@ -266,9 +268,7 @@ def test_a_body_that_turns_in_fluid_has_the_torque_of_the_whole_traction(precisi
     assert torque - pairs == pytest.approx(-whole / 2, rel=0.1)
 
 
-@pytest.mark.parametrize(
-    "settings", [{"form": "cleary"}, {"viscosity": 0.0, "form": "artificial", "alpha": 0.1}]
-)
+@pytest.mark.parametrize("settings", [{"form": "cleary"}, {"viscosity": 0.0, "form": "artificial", "alpha": 0.1}])
 def test_pairs_that_push_along_their_line_miss_no_torque(settings):
     torque, pairs, whole = turning_disc(**settings)
     assert torque == pytest.approx(pairs, abs=1e-9 * whole)
@@ -320,8 +320,12 @@ def test_fluid_that_slips_along_a_disc_does_not_turn_it(kind, turned):
 
 def pier(low, high, kind="extrapolated-free-slip", *others):
     """A solid that stays and whose force is measured, in a tank of the same kind."""
-    return bodies(tank(len(low), kind)[9:-3], f"""{{ name = "pier"; type = "{kind}"; solid = true; measure_force = true;
-        shape = {{ box = {{ low = {low}; high = {high}; }}; }}; }}""", *others)
+    return bodies(
+        tank(len(low), kind)[9:-3],
+        f"""{{ name = "pier"; type = "{kind}"; solid = true; measure_force = true;
+        shape = {{ box = {{ low = {low}; high = {high}; }}; }}; }}""",
+        *others,
+    )
 
 
 @pytest.mark.parametrize(("low", "told"), [(0.0, 0), (0.05, 1), (0.08, 1), (0.1, 0)])

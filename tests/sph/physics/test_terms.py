@@ -42,9 +42,7 @@ def test_sums_are_those_over_all_pairs(integrator, d, flux):
     check(ROUNDING, integrator=integrator, d=d, size=size, spacing=0.05 if d == 2 else 0.08, flux=flux)
 
 
-@pytest.mark.parametrize(
-    "integrator, kernel", both(("euler", "cubic"), ("euler", "wendland4"), ("euler", "quintic"))
-)
+@pytest.mark.parametrize("integrator, kernel", both(("euler", "cubic"), ("euler", "wendland4"), ("euler", "quintic")))
 def test_sums_with_other_kernels(integrator, kernel):
     check(ROUNDING, integrator=integrator, d=2, kernel=kernel, periodic=("y",))
 

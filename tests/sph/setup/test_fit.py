@@ -86,7 +86,7 @@ def test_no_particle_is_pressed_between_a_body_and_a_floor():
 
 def filled(walls, low=(0.0, 0.0), high=(30.0, 30.0)):
     """A fluid with spacing 1 in a box, less what walls take; its places."""
-    fluid = f'fluid = ( {{ shape = {{ box = {{ low = {list(low)}; high = {list(high)}; }}; }}; }} );'
+    fluid = f"fluid = ( {{ shape = {{ box = {{ low = {list(low)}; high = {list(high)}; }}; }}; }} );"
     domain = "domain = { low = [-10.0, -10.0]; high = [40.0, 40.0]; };"
     head = "simulation = { dimensions = 2; end_time = 1.0; }; eos = { max_velocity = 1.0; };"
     one = Scene(configure(loads(f"{head} {domain} {fluid} numerics = {{ spacing = 1.0; }}; wall = ( {walls} );")))
