@@ -101,8 +101,11 @@ def ending(app: Any, config: Any, steps: int) -> tuple[str, ...]:
     return app.until(config, steps * app.time_step(config))
 
 
-def measure(program: str, case: str, point: Point) -> None:
-    """Run the case once at this point, all copies at the same time, and append the mean of their median step times."""
+def measure(program: str, case: str, point: Point) -> dict[str, Any]:
+    """Run the case once at this point, all copies at the same time, and append the mean of their median step times.
+
+    Returns what run.json of the first says.
+    """
     with tempfile.TemporaryDirectory(prefix="scaling-") as folder:
         outs = [Path(folder) / f"run-{copy}" for copy in range(point.copies)]
         sets = [argument for s in point.sets for argument in ("--set", s)]
@@ -119,6 +122,7 @@ def measure(program: str, case: str, point: Point) -> None:
     point.seconds.append(statistics.mean(summary["step_seconds"]["median"] for summary in summaries))
     point.estimate = summaries[0]["estimate"]["step_seconds"]
     point.items = summaries[0]["work_items"]
+    return summaries[0]
 
 
 def measure_all(program: str, case: str, points: list[Point], repeats: int) -> None:

@@ -64,7 +64,7 @@ def measured(row: Row, theory: float) -> float:
 
 # ------------------------------------------------------------------------------------------------------------- sph
 
-SIDE, C0, NOISE = 24, 20.0, 1e-8
+SIDE, SMOOTHING, C0, NOISE = 24, 1.5, 20.0, 1e-8
 GROWN = 1e3  # of the energy of the noise
 STEPS = {"euler": 6000}  # 1500 for the others: what theory calls growth, 1e-3 of the amplitude per step, Euler's waves
 # reach long before they grow fast
@@ -74,7 +74,8 @@ domain = {{ low = [0.0, 0.0]; high = [1.0, 1.0]; periodic = ["x", "y"]; }};
 fluid = ( {{ name = "water"; dynamic_viscosity = {viscosity!r}; initial_pressure = "zero";
             shape = {{ box = {{ low = [0.0, 0.0]; high = [1.0, 1.0]; }}; }}; }} );
 eos = {{ sound_speed = {c0}; }};
-numerics = {{ spacing = {spacing!r}; kernel = "wendland2"; density_flux = "{flux}"; viscosity_form = "{form}"; }};
+numerics = {{ spacing = {spacing!r}; smoothing = {smoothing}; kernel = "wendland2";
+              density_flux = "{flux}"; viscosity_form = "{form}"; }};
 """
 
 
@@ -82,10 +83,10 @@ def lattice(integrator: str, flux: str, courant: float, form: str = "none", slow
     """Completed case; slow: nu / (c0 h)."""
     from sph.configure import configure
 
-    h = 1.3 / SIDE
+    h = SMOOTHING / SIDE
     text = LATTICE.format(
         integrator=integrator, flux=flux, form=form, dt=courant * h / C0, c0=C0, spacing=1.0 / SIDE,
-        viscosity=1000.0 * slow * C0 * h,
+        smoothing=SMOOTHING, viscosity=1000.0 * slow * C0 * h,
     )  # fmt: skip
     return configure(loads(text))
 
