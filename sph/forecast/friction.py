@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hpcpic.core.case.derived import Derived, judged
+from hpcpic.core.case.derived import Derived, Verdict, judged
 from sph.case import geometry
 from sph.case.config import SphConfig
 from sph.setup.flows import at_rest, heights
@@ -27,11 +27,12 @@ STRESS = 3.0  # mu v / R: of slow flow on a cylinder between others or beside wa
 PULLED = 2.5  # rho a R: where a body force does
 MOST = 0.05
 RINGING = (1.3, 1.5, 2.0), (0.41, 0.29, 0.12)  # by h/dp: p of still water, 100 dp deep, over rho c0 sqrt(g H) disorder
+MOST_RINGING = 0.1  # of the pressure at the bottom
 
 
 def ringing(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     """Sound that liquids make under their own weight which start disordered and are not evened out: particles off their
-    places are pressed to others. No limit: a lattice is stiff where two liquids meet, and its fronts strike at once.
+    places are pressed to others. No limit where two meet, as a lattice is stiff there.
     """
     g = float(np.linalg.norm(scene.gravity))
     for i, fluid in enumerate(scene.fluids):
@@ -40,8 +41,12 @@ def ringing(config: SphConfig, scene: Scene) -> Iterator[Derived]:
         if section.gas or not (depth and section.disorder and at_rest(section)) or rests_disordered(scene, fluid):
             continue
         rings = float(np.interp(config.numerics.smoothing, *RINGING)) * config.sound_speed / math.sqrt(g * depth)
-        yield Derived(f"sound that the disorder of {section.name} makes", "p/(rho g H)", rings * section.disorder, "",
-                      "", "ok", "still water rings with it for seconds, measured", "",
+        value, wanted = rings * section.disorder, scene.liquids.densities
+        verdict: Verdict = "ok" if wanted or value <= MOST_RINGING else "warn"
+        yield Derived(f"sound that the disorder of {section.name} makes", "p/(rho g H)", value, "",
+                      "" if wanted else f"<= {MOST_RINGING:g}", verdict,
+                      "still water rings with it for seconds, measured",
+                      f"disorder = {MOST_RINGING / rings:.2g}" if verdict == "warn" else "",
                       ("fluid", i, "disorder"))  # fmt: skip
 
 
