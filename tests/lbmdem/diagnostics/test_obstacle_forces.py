@@ -18,7 +18,7 @@ grains = ({ diameter = 1.0e-3; density = 1000.0; position = [1.2e-3, 1.2e-3, 8.1
 
 
 def test_the_forces_on_floor_and_lid_close_with_that_of_the_film(world):
-    """In a steady flow; the film of the ball is a fifth of the friction of the floor."""
+    """In a steady flow; the film of the ball is half of the friction of the floor."""
     with running(world, "lbmdem", SHEARED) as app:
         for _ in range(400):
             app.step()
@@ -30,8 +30,8 @@ def test_the_forces_on_floor_and_lid_close_with_that_of_the_film(world):
     names = ("force_floor_x", "force_lid_x", "contact_floor_x", "force_grains_1_x")
     floor, lid, film, ball = (np.mean([one[name] for one in found]) for name in names)
     assert all(one["contact_lid_x"] == 0.0 for one in found)
-    assert film > 0.1 * floor and film == pytest.approx(ball, rel=0.05)  # what the fluid gives the ball the floor takes
-    assert abs(floor + lid + film) < 0.2 * film  # without it a fifth of the friction is missing
+    assert film > 0.4 * floor and film == pytest.approx(ball, rel=0.05)  # what the fluid gives the ball the floor takes
+    assert abs(floor + lid + film) < 0.05 * film  # 0.012: the flow is not quite steady yet
 
 
 @pytest.mark.parametrize("d", [2, 3])
