@@ -178,21 +178,28 @@ class Limits:
         limit.tried, limit.ended, limit.late = tried, ends.get(limit.unstable or 0.0, ""), longer > 1.0
         return limit
 
-    def confirm(self, axis: Axis, limit: Limit) -> None:
-        """The longer horizon a little below the limit, and, if that is stable, the other seeds on both sides of it."""
+    def found(self, axis: Axis, beside: Mapping[str, float] | None = None, start: float = 1.0) -> Limit:
+        """The limit of the first horizon, or that of the longer one where the first has another one or none."""
+        name, others = axis.knob.name, beside or {}
+        limit = self.bisect(axis, others, start)
+        if math.isfinite(limit.x):
+            below = self.run({**others, name: axis.size(limit.x / AGREE)}, LONGER, words="four times as long")
+            limit.slow = self.growth(below) > BLOWUP
+        hidden = axis.number is not None and limit.unstable is None  # theory has an end that has not shown yet
+        if not hidden and (not limit.slow or axis.as_theory(limit)):
+            return limit
+        again = 1.0 if axis.number is not None or not math.isfinite(limit.x) else limit.x / FIRST
+        late = self.bisect(axis, others, again, LONGER)
+        late.slow, late.shorter = limit.slow and not axis.as_theory(late), limit.x
+        return late
+
+    def other_seeds(self, axis: Axis, limit: Limit) -> None:
+        """Runs of other seeds on both sides of the limit."""
         name = axis.knob.name
         below, above = axis.size(limit.x / AGREE), axis.size(limit.x * AGREE)
-        limit.slow = self.growth(self.run({name: below}, LONGER, words="four times as long")) > BLOWUP
-        for seed in SEEDS if self.knobs.seed and not limit.slow else ():
+        for seed in SEEDS if self.knobs.seed else ():
             quiet = self.growth(self.run({name: below}, seed=seed, words=f"seed {seed}")) <= BLOWUP
             limit.seeds[seed] = quiet and self.growth(self.run({name: above}, seed=seed, words=f"seed {seed}")) > BLOWUP
-
-    def lengthened(self, axis: Axis, shorter: Limit) -> Limit:
-        """The limit of the longer horizon, where the first has another one or none."""
-        start = 1.0 if axis.number is not None or not math.isfinite(shorter.x) else shorter.x / FIRST
-        limit = self.bisect(axis, start=start, longer=LONGER)
-        limit.slow, limit.shorter = shorter.slow and not axis.as_theory(limit), shorter.x
-        return limit
 
     def rates(self, axis: Axis) -> list[tuple[float, float]]:
         """(size, growth rate in 1/s) about the case's own size, over the longer horizon."""
@@ -213,7 +220,7 @@ class Limits:
             beside = {second.name: size}
             beside = {second.name: second.size(self.config(beside))}
             axis = self.axis(first, beside)
-            limit = self.bisect(axis, beside, start)
+            limit = self.found(axis, beside, start)
             found.append((beside[second.name], axis, limit))
             start = limit.x if math.isfinite(limit.x) else 1.0
         return found

@@ -72,12 +72,9 @@ def find(
     if knob.overruled:
         raise ConfigError(f"{read.path}: {dotted(knob.key)} cannot be turned to the end of stability: {knob.overruled}")
     axis = limits.axis(knob)
-    limit = limits.bisect(axis)
-    if math.isfinite(limit.x):
-        limits.confirm(axis, limit)
-    hidden = axis.number is not None and limit.unstable is None  # theory has an end that has not shown yet
-    if hidden or (limit.slow and not axis.as_theory(limit)):
-        limit = limits.lengthened(axis, limit)
+    limit = limits.found(axis)
+    if math.isfinite(limit.x) and not limit.slow and not limit.late:
+        limits.other_seeds(axis, limit)
     rates = limits.rates(axis) if limit.slow or not math.isfinite(limit.x) else []
     write_json(folder / "stability.json", facts(limits, axis, limit, rates))
     click.echo(f"search      {limits.pilots.took}")
@@ -231,13 +228,13 @@ def draw_map(limits: Limits, first: Knob, second: Knob, folder: Path) -> None:
 
     columns = limits.march(first, second)
     rows = [
-        (second.shown(size), first.shown(axis.size(1.0)), first.shown(axis.size(limit.x)), limit.x)
+        (second.shown(size), first.shown(axis.size(1.0)), first.shown(axis.size(limit.x)), limit.x, horizon(limit))
         for size, axis, limit in columns
     ]
-    cells = [[shown(value) for value in row] for row in rows]
+    cells = [[*(shown(value) for value in row[:-1]), row[-1]] for row in rows]
     measured = f"measured, {first.unit}" if first.unit else "measured"
-    table((with_unit(second), "theory's limit", measured, "measured/theory"), cells)
-    names = ("second", "theory", "measured", "ratio")
+    table((with_unit(second), "theory's limit", measured, "measured/theory", "found by"), cells)
+    names = ("second", "theory", "measured", "ratio", "found_by")
     found = {"first": first.name, "over": second.name, "columns": [dict(zip(names, row)) for row in rows]}
     write_json(folder / "map.json", found)
     limited = [row for row in rows if math.isfinite(row[2])]
@@ -247,7 +244,13 @@ def draw_map(limits: Limits, first: Knob, second: Knob, folder: Path) -> None:
     click.echo(f"map: {folder / 'map.png'}, {folder / 'map.json'}")
 
 
-def map_figure(limits: Limits, first: Knob, second: Knob, rows: Sequence[tuple[float, ...]], theory: bool) -> Any:
+def horizon(limit: Limit) -> str:
+    """Which runs a limit of a map is of."""
+    moves = "; it moves with the length of the run" if limit.slow else ""
+    return ("runs four times as long" if limit.late else "the first runs") + moves
+
+
+def map_figure(limits: Limits, first: Knob, second: Knob, rows: Sequence[tuple[Any, ...]], theory: bool) -> Any:
     """Stable, nearly unstable and unstable sizes of the first knob over those of the second."""
     from matplotlib.ticker import NullFormatter
 

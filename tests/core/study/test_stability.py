@@ -133,9 +133,20 @@ def test_a_map_follows_the_limit_over_a_second_knob(program, tmp_path, monkeypat
     columns = read_json(tmp_path / "out/map.json")["columns"]
     assert len(columns) == 2 and all(c["ratio"] == pytest.approx(1.0, abs=0.05) for c in columns)
     assert (tmp_path / "out/map.png").stat().st_size > 5000
+    assert {column["found_by"] for column in columns} == {"the first runs"}
     none = program("stability", "--map", "dt,dx", "-o", "none", steps=40, limit=100)
     assert none.returncode == 3 and "no limit of dt was found" in none.stderr
     assert {column["measured"] for column in read_json(tmp_path / "none/map.json")["columns"]} == {None}
     assert "nothing grows 30 times" in program("stability", "-o", "none", "--knob", "dt", limit=100).stdout
     assert program("stability", "--map", "dt").returncode == 2
     assert program("stability", "--knob", "x").returncode == 2
+
+
+def test_a_map_tells_the_limit_that_stability_tells(program, tmp_path, monkeypatch):  # noqa: F811
+    """What diverges later than in the first runs: the map had a limit 1.2 times as far."""
+    monkeypatch.setattr(bisection, "COLUMNS", (1.0,))
+    done = program("stability", "--map", "dt,dx", "-o", "out", late=50.0)
+    assert done.returncode == 0, done.stderr
+    (column,) = read_json(tmp_path / "out/map.json")["columns"]
+    assert column["ratio"] == pytest.approx(1.0, abs=0.05)
+    assert column["found_by"] == "runs four times as long"
