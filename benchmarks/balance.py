@@ -19,10 +19,11 @@ import numpy as np
 
 from hpcpic.core.case.config import loads
 from hpcpic.core.comm.world import World
-from hpcpic.core.run.balance import Movable
 from hpcpic.core.space.domain import better_cuts, even_cuts, fullest
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
+from hpcpic.plasma.step import Plasma
+from lbmdem.step import LbmDem
 
 PLASMA = """
 simulation = { cycles = 1000; time_step = 0.05; space_length = [256.0, 256.0]; random_seed = 7; };
@@ -35,10 +36,9 @@ species = (
 """
 
 
-def plasma(world: World) -> Movable:
+def plasma(world: World) -> Plasma:
     from hpcpic.plasma.configure import configure
     from hpcpic.plasma.setup.loaders import Batch, Loader, register
-    from hpcpic.plasma.step import Plasma
 
     class DenseSlab(Loader):
         name = "dense slab"
@@ -64,10 +64,9 @@ FLUID = "fluid = { density = 1.0; kinematic_viscosity = 0.1; time_step = 1.0; };
 APART = 10.6  # nodes between the centres of its grains, which are 10 nodes across
 
 
-def suspension(world: World, points: tuple[int, ...], rows: tuple[int, int] | None = None, wet: bool = True) -> Movable:
+def suspension(world: World, points: tuple[int, ...], rows: tuple[int, int] | None = None, wet: bool = True) -> LbmDem:
     """Grains in the first quarter of a box along its last axis. rows: of a slab that is to be a box of its own."""
     from lbmdem.configure import configure
-    from lbmdem.step import LbmDem
 
     low, high = rows or (0, points[-1])
     sides = [np.arange(0.5 * APART, n - 0.5 * APART, APART) for n in (*points[:-1], points[-1] // 4)]
@@ -85,7 +84,7 @@ def suspension(world: World, points: tuple[int, ...], rows: tuple[int, int] | No
     return LbmDem(configure(loads(text)), world, Pool(1), Timers())
 
 
-def slabs(scene: Callable[..., Movable], steps: int) -> None:
+def slabs(scene: Callable[..., LbmDem | Plasma], steps: int) -> None:
     """Tell the processor time of slabs of two ranks, as boxes of their own."""
     world = World.alone()
     costs = scene(world).row_costs()
@@ -148,7 +147,7 @@ def main() -> None:
             )
 
 
-SCENES = {
+SCENES: dict[str, Callable[..., LbmDem | Plasma]] = {
     "plasma": plasma,
     "lbmdem": partial(suspension, points=(64, 64, 256)),
     "lbmdem-2d": partial(suspension, points=(512, 512)),

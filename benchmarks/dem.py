@@ -101,8 +101,8 @@ def measure(state: Mapping[str, NDArray], tiles: int, kind: str, threads: int) -
 def main() -> None:
     """The whole table, each line in processes of its own; or the one line that is asked for."""
     if len(sys.argv) > 1:
-        path, tiles, kind, threads = sys.argv[1:]
-        measure(np.load(path), int(tiles), kind, int(threads))
+        saved, *setting = sys.argv[1:]
+        measure(np.load(saved), int(setting[0]), setting[1], int(setting[2]))
         return
     launcher = str(Path(sys.executable).with_name("mpirun"))
     with tempfile.TemporaryDirectory() as folder:

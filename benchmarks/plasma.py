@@ -76,8 +76,8 @@ def measure(n: int, per_cell: int, precision: str, threads: int) -> None:
 def main() -> None:
     """The whole table, each line in processes of its own; or the one line that is asked for."""
     if len(sys.argv) > 1:
-        n, per_cell, precision, threads = sys.argv[1:]
-        measure(int(n), int(per_cell), precision, int(threads))
+        n, per_cell, precision, one = sys.argv[1:]
+        measure(int(n), int(per_cell), precision, int(one))
         return
     launcher = str(Path(sys.executable).with_name("mpirun"))
     for setting in SETTINGS:

@@ -29,7 +29,7 @@ def measured(n: int) -> tuple[float, float, float]:
     world, pool = World.alone(), Pool(1)
     place = Domain((1.0, 1.0), (n, n), (True, True), (0, n))
     start = time.perf_counter()
-    solvers = {"LU": LU(world, pool, place)}
+    solvers: dict[str, LU | MFT] = {"LU": LU(world, pool, place)}
     factors = time.perf_counter() - start
     solvers["MFT"] = MFT(world, pool, place)
     for solver in solvers.values():

@@ -16,12 +16,12 @@ case = sph.Case(
 )
 print(case.check())
 
-front = []  # (time, farthest particle), by the observer
+front: list[tuple[float, float]] = []  # time, farthest particle, by the observer
 
 with case.simulation(threads=1) as sim:
 
     @sim.every(seconds=0.02)
-    def follow_the_front(sim: object) -> None:
+    def follow_the_front(sim: sph.Simulation) -> None:
         front.append((sim.time, float(sim.particles("water")["position"][:, 0].max())))
 
     sim.advance()

@@ -6,6 +6,8 @@ to the nodes of the fine one, are what that starts from. What is left to do is w
 python examples/coarse_to_fine.py, or mpirun -n 2 python -m mpi4py examples/coarse_to_fine.py
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from mpi4py import MPI
 from scipy.interpolate import PchipInterpolator
@@ -29,8 +31,16 @@ def cavity(n: int, start: dict | None = None) -> lbmdem.Case:
     )
 
 
-def steady(case: lbmdem.Case) -> tuple[int, float, dict, str]:
-    """Steps until nothing changes, kinetic energy (J/m), velocity and pressure [y, x] then, and the digest."""
+class Flow(NamedTuple):
+    """A steady flow: steps until nothing changed, kinetic energy (J/m), velocity and pressure [y, x], digest."""
+
+    steps: int
+    energy: float
+    fields: dict[str, np.ndarray]
+    digest: str
+
+
+def steady(case: lbmdem.Case) -> Flow:
     with case.simulation(threads=1) as sim:
         before, energy = 0.0, 1.0
         while abs(energy - before) > STEADY * energy:
@@ -38,7 +48,7 @@ def steady(case: lbmdem.Case) -> tuple[int, float, dict, str]:
             sim.advance(until=sim.time + LOOK)
             energy = sim.scalars()["energy_kinetic"]
         fields = {name: np.asarray(sim.fields(name)) for name in ("velocity", "pressure")}
-        return sim.iteration, energy, fields, sim.digest()
+        return Flow(sim.iteration, energy, fields, sim.digest())
 
 
 def finer(values: np.ndarray, n: int, top: float | None) -> np.ndarray:
@@ -52,14 +62,16 @@ def finer(values: np.ndarray, n: int, top: float | None) -> np.ndarray:
     return values
 
 
-steps, _, coarse, _ = steady(cavity(COARSE))
-velocity = np.stack([finer(coarse["velocity"][..., 0], FINE, LID), finer(coarse["velocity"][..., 1], FINE, 0.0)], -1)
-start = {"velocity": velocity, "pressure": finer(coarse["pressure"], FINE, None)}
-fine, energy, fields, digest = steady(cavity(FINE, start))
-from_rest, other_energy, others, _ = steady(cavity(FINE))
-work = fine + steps * (COARSE / FINE) ** 2  # in steps of the fine lattice
-apart = np.linalg.norm(fields["velocity"] - others["velocity"]) / np.linalg.norm(others["velocity"])
+coarse = steady(cavity(COARSE))
+u, v = np.moveaxis(coarse.fields["velocity"], -1, 0)
+velocity = np.stack([finer(u, FINE, LID), finer(v, FINE, 0.0)], -1)
+fine = steady(cavity(FINE, {"velocity": velocity, "pressure": finer(coarse.fields["pressure"], FINE, None)}))
+from_rest = steady(cavity(FINE))
+work = fine.steps + coarse.steps * (COARSE / FINE) ** 2  # in steps of the fine lattice
+difference = np.linalg.norm(fine.fields["velocity"] - from_rest.fields["velocity"])
+apart = difference / np.linalg.norm(from_rest.fields["velocity"])
 if MPI.COMM_WORLD.rank == 0:
-    print(f"{from_rest} steps from rest; or {steps} coarse ones and {fine}: {from_rest / work:.1f} times less work")
-    print(f"velocities {100 * apart:.2f} % apart, energies {100 * abs(energy / other_energy - 1):.2f} %")
-    print(digest)
+    way = f"{coarse.steps} coarse ones and {fine.steps}"
+    print(f"{from_rest.steps} steps from rest; or {way}: {from_rest.steps / work:.1f} times less work")
+    print(f"velocities {100 * apart:.2f} % apart, energies {100 * abs(fine.energy / from_rest.energy - 1):.2f} %")
+    print(fine.digest)

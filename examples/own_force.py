@@ -25,7 +25,7 @@ register("spring", spring)
 register("tide", tide)
 
 
-def tell(sim: object, text: str) -> None:
+def tell(sim: hpcpic.Simulation, text: str) -> None:
     digest = sim.digest()  # of all ranks together
     if sim.rank == 0:
         print(f"{text}\n{digest}")
@@ -59,5 +59,5 @@ if __name__ == "__main__":
     )
     with ball.simulation(threads=1) as sim:
         sim.advance()
-        x = float(sim.particles()["position"][0, 0])
-        tell(sim, f"ball at {x:.4f} m, a spring has it at {0.5 + 0.2 * np.cos(10.0 * sim.time):.4f} m")
+        place = float(sim.particles()["position"][0, 0])
+        tell(sim, f"ball at {place:.4f} m, a spring has it at {0.5 + 0.2 * np.cos(10.0 * sim.time):.4f} m")

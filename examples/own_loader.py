@@ -6,6 +6,7 @@ python examples/own_loader.py, or mpirun -n 2 python -m mpi4py examples/own_load
 import numpy as np
 
 import hpcpic
+from hpcpic.plasma.case.config import Species
 from hpcpic.plasma.setup.loaders import Batch, Loader, Population, register
 
 
@@ -18,7 +19,7 @@ class Ring(Loader):
         angle = np.pi * (3.0 - np.sqrt(5.0)) * batch.index
         return batch.drift[0] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
-    def populations(self, section: object, axis: int) -> tuple[Population, ...]:
+    def populations(self, section: Species, axis: int) -> tuple[Population, ...]:
         return (Population(1.0, 0.0, section.drift_velocity[0] / np.sqrt(2.0)),)
 
 

@@ -10,7 +10,7 @@ import lbmdem
 import sph
 
 
-def tell(sim: object, text: str) -> None:
+def tell(sim: hpcpic.Simulation, text: str) -> None:
     digest = sim.digest()  # of all ranks together
     if sim.rank == 0:
         print(f"{text}\n{digest}")

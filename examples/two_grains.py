@@ -25,12 +25,12 @@ case = lbmdem.Case(
     ],
     gravity=[0.0, -9.81],
 )
-paths = {"left": [], "right": []}  # x, y at each look
+paths: dict[str, list[np.ndarray]] = {"left": [], "right": []}  # x, y at each look
 
 with case.simulation(threads=1) as sim:
 
     @sim.every(seconds=0.02)
-    def follow(sim: object) -> None:
+    def follow(sim: lbmdem.Simulation) -> None:
         for name, path in paths.items():
             path.append(sim.particles(name)["position"].values[0, :2])
 

@@ -9,7 +9,7 @@ from hpcpic.version import __version__
 
 if TYPE_CHECKING:
     from hpcpic.core.errors import CheckFailed, ConfigError, Diverged, FileError, HpcpicError
-    from hpcpic.plasma.api import Case, Run, cases, open_run
+    from hpcpic.plasma.api import Case, Run, Simulation, cases, open_run
 
 __all__ = [
     "Case",
@@ -19,6 +19,7 @@ __all__ = [
     "FileError",
     "HpcpicError",
     "Run",
+    "Simulation",
     "__version__",
     "cases",
     "open_run",
@@ -26,7 +27,7 @@ __all__ = [
 __getattr__, __dir__ = lazy(
     __name__,
     {
-        "hpcpic.plasma.api": ("Case", "Run", "cases", "open_run"),
+        "hpcpic.plasma.api": ("Case", "Run", "Simulation", "cases", "open_run"),
         "hpcpic.core.errors": ("CheckFailed", "ConfigError", "Diverged", "FileError", "HpcpicError"),
     },
 )

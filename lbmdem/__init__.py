@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 from hpcpic.core.lazy import lazy
 
 if TYPE_CHECKING:
-    from lbmdem.api import Case, Run, cases, open_run
+    from lbmdem.api import Case, Run, Simulation, cases, open_run
 
-__all__ = ["Case", "Run", "cases", "open_run"]
+__all__ = ["Case", "Run", "Simulation", "cases", "open_run"]
 
 __getattr__, __dir__ = lazy(__name__, {"lbmdem.api": __all__})

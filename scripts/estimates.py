@@ -16,7 +16,7 @@ import argparse
 import os
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from statistics import median
 from typing import Any
@@ -87,7 +87,7 @@ def bench(program: str) -> dict[str, float]:
     return read_rates()
 
 
-def rows_of(program: str, cases: list[str], shapes: list[tuple[int, int]]) -> list[Row]:
+def rows_of(program: str, cases: Collection[str], shapes: list[tuple[int, int]]) -> list[Row]:
     """Each has run once, and what it compiled is there."""
     rows = []
     for case, steps in CASES[program].items():

@@ -19,6 +19,7 @@ import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image, ImageChops
 
@@ -149,7 +150,7 @@ def main() -> int:
 
 def seconds(time: str) -> float:
     """The seconds that "20 s", "2 min" or "1 h" are."""
-    number, unit = re.match(r"([\d.]+) *(\w+)", time).groups()
+    number, unit = re.findall(r"([\d.]+) *(\w+)", time)[0]
     return float(number) * {"s": 1.0, "min": 60.0, "h": 3600.0}[unit]
 
 
@@ -181,8 +182,8 @@ def save_small(figure: Figure, path: Path) -> None:
     figure.savefig(buffer, format="png", dpi=DOTS_PER_INCH, facecolor="white")
     picture = Image.open(buffer).convert("RGB")
     few = picture.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
-    shifts = ImageChops.difference(picture, few.convert("RGB")).getextrema()
-    (picture if max(most for _, most in shifts) > VISIBLE else few).save(path, optimize=True)
+    shift = np.asarray(ImageChops.difference(picture, few.convert("RGB"))).max()
+    (picture if shift > VISIBLE else few).save(path, optimize=True)
 
 
 def page() -> str:

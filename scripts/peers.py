@@ -29,6 +29,7 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from llvmlite import binding
@@ -65,8 +66,9 @@ class Asked:
         try:
             if not python.exists():
                 venv.create(folder, with_pip=True)
-            if subprocess.run([python, "-m", "pip", "show", "--quiet", *WANTED[peer]], capture_output=True).returncode:
-                command = [python, "-m", "pip", "install", "--quiet", *WANTED[peer]]
+            pip = [str(python), "-m", "pip"]
+            if subprocess.run([*pip, "show", "--quiet", *WANTED[peer]], capture_output=True).returncode:
+                command = [*pip, "install", "--quiet", *WANTED[peer]]
                 subprocess.run(command, check=True, capture_output=True, text=True)
         except subprocess.CalledProcessError as error:
             lines = (error.stderr or "pip failed").strip().splitlines()
@@ -130,8 +132,9 @@ HEAD = "| work | ours | beside | ratio (of rounds) | aim | |\n| --- | --- | --- 
 
 def plasma(asked: Asked) -> Iterator[str]:
     """Steps over an update in place of as many bytes as x and v of the particles have, two components each."""
-    from benchmarks.lbm import LINE, scale
-    from benchmarks.plasma import CASE
+    from lbm import LINE, scale
+    from plasma import CASE
+
     from hpcpic.core.case.config import loads
     from hpcpic.core.comm.world import World
     from hpcpic.core.space.fields import aligned_zeros
@@ -203,7 +206,8 @@ def lattice(asked: Asked) -> Iterator[str]:
 
 def grains(asked: Asked) -> Iterator[str]:
     """Million particle-steps per second on one core."""
-    from benchmarks import dem as bench
+    import dem as bench
+
     from hpcpic.core.comm.world import World
     from hpcpic.core.tasks.graph import Pool
     from lbmdem.grains.packing import everywhere
@@ -239,7 +243,8 @@ def grains(asked: Asked) -> Iterator[str]:
 
 def sph(asked: Asked) -> Iterator[str]:
     """Million particles (walls too) times steps per second; theirs in double, with as many neighbours."""
-    from benchmarks import sph_speed as bench
+    import sph_speed as bench
+
     from hpcpic.core.comm.world import World
     from hpcpic.core.tasks.graph import Pool
 
@@ -250,7 +255,7 @@ def sph(asked: Asked) -> Iterator[str]:
             bench.step(ours)
         found, scene = ours.particles(), ours.scene
         wet = {fluid.section.name for fluid in scene.fluids}
-        facts = {
+        facts: dict[str, Any] = {
             "box": np.array([scene.config.domain.low, scene.config.domain.high]),
             "support": scene.support, "rho0": scene.eos.rho0, "c0": scene.eos.c0, "alpha": 0.02, "gravity": 9.81,
             "mass": scene.eos.rho0 * scene.config.numerics.spacing**3, "step": ours.clock.time_step,
@@ -304,7 +309,7 @@ def main() -> None:
         parser.error(f"no work is called {', '.join(sorted(unknown))}: {', '.join(WORKS)}")
     if options.narrow and "NUMBA_CPU_FEATURES" not in os.environ:
         sys.exit(subprocess.run([sys.executable, *sys.argv], env=os.environ | narrowed()).returncode)
-    sys.path.insert(0, str(ROOT))
+    sys.path.insert(0, str(ROOT / "benchmarks"))
     wide = "+avx512f" in os.environ.get("NUMBA_CPU_FEATURES", binding.get_host_cpu_features().flatten())
     print(f"{processor()}, {'with' if wide else 'without'} AVX-512{', forced' if options.narrow else ''}\n\n{HEAD}")
     asked = Asked(options.rounds, options.cpu, options.narrow, options.environment)

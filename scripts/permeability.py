@@ -57,7 +57,7 @@ def measured(place: Path, porosity: float, spacing: float) -> tuple[float, float
     }
     words = [word for key, value in sets.items() for word in ("--set", f"{key}={value}")]
     if not (run / "timers.csv").exists():
-        command = [sys.executable, "-P", "-m", "lbmdem", "run", "permeability", "-o", run, "--quiet", "--replace"]
+        command = [sys.executable, "-P", "-m", "lbmdem", "run", "permeability", "-o", str(run), "--quiet", "--replace"]
         command += words
         subprocess.run(command, check=True)
     series = open_run(run).series

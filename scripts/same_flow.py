@@ -13,7 +13,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,6 +101,7 @@ def main() -> None:
 
 if __name__ == "__main__":
     if sys.argv[1:2] == ["--child"]:
-        np.savez(sys.argv[2], **{scene.name: theirs(scene) for scene in SCENES})
+        done: dict[str, Any] = {scene.name: theirs(scene) for scene in SCENES}
+        np.savez(sys.argv[2], **done)
     else:
         main()

@@ -17,7 +17,7 @@ import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,7 @@ from sph.physics.smoothing import Smoothing, register  # noqa: E402
 
 SAMPLES = 40
 SUPPORT = 4.0  # spacings: twice our h
-Arrays = dict[str, NDArray]
+Arrays = dict[str, Any]  # of numpy
 
 
 def lucy_w(r, per_h):
@@ -153,7 +153,7 @@ def theirs(given: Arrays, python: Path) -> Arrays:
     with tempfile.TemporaryDirectory() as folder:
         paths = [str(Path(folder, file)) for file in ("water.npz", "done.npz")]
         np.savez(paths[0], **given)
-        command = [python, ROOT / "scripts" / "peer_lammps.py", "water", *paths]
+        command = [str(python), str(ROOT / "scripts" / "peer_lammps.py"), "water", *paths]
         subprocess.run(command, check=True, env=libraries)
         done = dict(np.load(paths[1]))
     fluid = given["kind"] == 1

@@ -15,6 +15,7 @@ import tempfile
 import time
 from pathlib import Path
 from statistics import NormalDist
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ ROOT = Path(__file__).resolve().parents[1]
 LIGHT, CHARGE, MASS, EPS0 = 299792458.0, 1.602176634e-19, 9.1093837139e-31, 8.8541878128e-12
 WP = 1.0e9  # rad/s
 POINTS = 64
-Arrays = dict[str, NDArray]
+Arrays = dict[str, Any]  # of numpy
 
 
 def electrons(n: int, length: float, velocity: NDArray, amplitude: float) -> Arrays:

@@ -27,6 +27,7 @@ import subprocess
 import sys
 import tempfile
 from dataclasses import dataclass, field
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -111,9 +112,8 @@ def measure(program: str, case: str, point: Point) -> dict[str, Any]:
         sets = [argument for s in point.sets for argument in ("--set", s)]
         command = [MPIRUN, "-n", str(point.ranks), sys.executable, "-P", "-m", program, "run", case]
         command += ["--threads", str(point.threads), *sets]
-        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
-        environment = dict(os.environ, OMP_NUM_THREADS="1")
-        runs = [subprocess.Popen([*command, "-o", str(out)], env=environment, **pipes) for out in outs]
+        pipes = partial(subprocess.Popen, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        runs = [pipes([*command, "-o", str(out)], env=dict(os.environ, OMP_NUM_THREADS="1")) for out in outs]
         for run in runs:
             said, _ = run.communicate()
             if run.returncode != 0:
@@ -209,7 +209,8 @@ def draw(title: str, rows: list[dict], path: Path) -> None:
 
 def parse_points(text: str) -> list[tuple[int, int]]:
     """'1x1,2x1,1x2' -> [(1, 1), (2, 1), (1, 2)]"""
-    return [tuple(int(n) for n in part.split("x")) for part in text.split(",")]
+    pairs = [part.split("x") for part in text.split(",")]
+    return [(int(ranks), int(threads)) for ranks, threads in pairs]
 
 
 def settings(a: argparse.Namespace, app: Any, config: Any, cores: int) -> tuple[str, ...]:

@@ -206,7 +206,7 @@ def least(work: Callable[[], Any], rounds: int = 7) -> float:
 def empty_tank(pool: Pool) -> Iterator[Row]:
     small, large = (water(high=(side, side), spacing=0.005) for side in (1.0, 1000.0))
     found = step_ratio(small, large, pool)
-    yield Row("C1", "SPH, tank a million times as large: time", f"{found:.3f}", "<= 1.1", found <= 1.1)
+    yield Row("C1", "SPH, tank a million times as large: time", f"{found:.3f}", "<= 1.1", bool(found <= 1.1))
     found = held(large, pool) / held(small, pool)
     yield Row("C1", "... bytes", f"{found:.3f}", "<= 1.05", found <= 1.05)
 
@@ -241,10 +241,11 @@ def solid_lattice(pool: Pool) -> Iterator[Row]:
             wet = np.count_nonzero(~solid)
             found = ratio(partial(repeated, first.step, 4), partial(repeated, app.step, 4)) * all_nodes / wet
             share = wet / all_nodes
-            yield Row("C2", f"D3Q19, porosity {share:.2f}: time per fluid node", f"{found:.2f}", "<= 1.1", found <= 1.1)
+            what = f"D3Q19, porosity {share:.2f}: time per fluid node"
+            yield Row("C2", what, f"{found:.2f}", "<= 1.1", bool(found <= 1.1))
             each = held(flow(nodes), pool, change=partial(fill, solid=solid)) / wet
             told = f"{each:.0f} B, {each / size:.2f} x"
-            yield Row("C2", "... bytes per fluid node", told, "<= 1.1 x", each <= 1.1 * size)
+            yield Row("C2", "... bytes per fluid node", told, "<= 1.1 x", bool(each <= 1.1 * size))
 
 
 def no_magnetic_field(pool: Pool) -> Iterator[Row]:
@@ -253,7 +254,7 @@ def no_magnetic_field(pool: Pool) -> Iterator[Row]:
     )
     for other, what, aim in ((oblique, "any direction", 1.25), (along, "along z", None)):
         with running(without, pool) as a, running(other, pool) as b:
-            spent = {}
+            spent: dict[Any, list[float]] = {}
             for app in (a, b):
                 spent[app] = []
                 app.cloud.push = timing(app.cloud.push, spent[app])
@@ -295,7 +296,7 @@ def plane(pool: Pool) -> Iterator[Row]:
     yield Row("C6", "lattice, 3D one node thick / 2D: time", f"{found:.2f}", ">= 2", found >= 2)
     found = held(flow((256, 256, 1)), pool) / held(flow((256, 256)), pool)
     yield Row("C6", "... bytes", f"{found:.2f}", ">= 2", found >= 2)
-    box = {"spacing": 0.005, "gravity": 0.0}
+    box: dict[str, Any] = {"spacing": 0.005, "gravity": 0.0}
     flat = water(high=(0.5, 0.5), periodic="xy", **box)
     thick = water((0, 0, 0), (0.5, 0.5, 0.03), (0.5, 0.5, 0.03), periodic="xyz", **box)
     found = step_ratio(flat, thick, pool, 2, 5) / 6
@@ -304,7 +305,7 @@ def plane(pool: Pool) -> Iterator[Row]:
 
 def absent(pool: Pool) -> Iterator[Row]:
     """What a term of SPH costs that a scene may lack. No aim: that it costs nothing when absent is held by its plan."""
-    bare = {"low": (0, 0, 0), "high": (0.4, 0.4, 0.4), "spacing": 0.01, "gravity": 0.0}
+    bare: dict[str, Any] = {"low": (0, 0, 0), "high": (0.4, 0.4, 0.4), "spacing": 0.01, "gravity": 0.0}
     free = {**bare, "top": (0.4, 0.4, 0.4), "periodic": "xyz"}
     pool_of_water = {**bare, "top": (0.4, 0.4, 0.2), "periodic": "xy"}
     plane = "plane = { point = [0, 0, 0]; normal = [0, 0, 1]; };"

@@ -17,6 +17,7 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,10 @@ from hpcpic.core.errors import Diverged
 from hpcpic.core.space.domain import Domain
 from hpcpic.core.tasks.graph import Pool
 from hpcpic.core.timers import Timers
+
+if TYPE_CHECKING:
+    from lbmdem.fluid.fluid import Fluid
+    from sph.case.config import SphConfig
 
 WIDTH = 1.004  # of a bracket that is a limit
 WIDEST = 4.0  # times theory
@@ -79,7 +84,7 @@ numerics = {{ spacing = {spacing!r}; smoothing = {smoothing}; kernel = "wendland
 """
 
 
-def lattice(integrator: str, flux: str, courant: float, form: str = "none", slow: float = 0.0) -> object:
+def lattice(integrator: str, flux: str, form: str = "none", slow: float = 0.0, *, courant: float) -> SphConfig:
     """Completed case; slow: nu / (c0 h)."""
     from sph.configure import configure
 
@@ -91,11 +96,11 @@ def lattice(integrator: str, flux: str, courant: float, form: str = "none", slow
     return configure(loads(text))
 
 
-def lattice_theory(*settings: object) -> float:
+def lattice_theory(*settings: Any) -> float:
     """Courant number below which no wave grows by 1e-3 in a step."""
     from sph.physics import stability
 
-    config = lattice(*settings[:2], 0.1, *settings[2:])
+    config = lattice(*settings, courant=0.1)
     return stability.limit_of(config.simulation.integrator, *stability.decays(config, True))
 
 
@@ -103,7 +108,7 @@ def lattice_stable(settings: tuple, courant: float) -> bool:
     """Whether noise stays noise."""
     from sph.step import Sph
 
-    app = Sph(lattice(*settings[:2], courant, *settings[2:]), World.alone(), POOL, Timers())
+    app = Sph(lattice(*settings, courant=courant), World.alone(), POOL, Timers())
     storage, rng = app.storage, np.random.default_rng(1)
     for name, scale in (("v", C0), ("drho", app.scene.rho0)):
         column = storage.own_values(name)
@@ -185,7 +190,7 @@ def dem_rows() -> Iterator[Row]:
 FLOW = 32  # nodes of a side of the uniform flow
 
 
-def fluid(collision: str, tau: float, n: int) -> object:
+def fluid(collision: str, tau: float, n: int) -> Fluid:
     from lbmdem.fluid.fluid import Fluid
     from lbmdem.physics.velocity_sets import LATTICES
 

@@ -191,7 +191,9 @@ def equal(search: Search) -> dict[str, Any]:
 
 
 def tell(found: list[dict[str, Any]]) -> None:
-    rows, counts, pilots = [], Counter(), []
+    rows: list[tuple[str, ...]] = []
+    counts: Counter[str] = Counter()
+    pilots: list[float] = []
     for case in found:
         for row in case["rows"]:
             counts[row["what"]] += 1
@@ -203,15 +205,15 @@ def tell(found: list[dict[str, Any]]) -> None:
     table(heads, rows)
     shipped = [case for case in found if case.get("equal")]
     for case in shipped:
-        numbers = (f"{case['equal'].get(key, np.nan):.3g}" for key in ("bound", "error", "seconds", "work"))
+        numbers = [f"{case['equal'].get(key, np.nan):.3g}" for key in ("bound", "error", "seconds", "work")]
         print(f"{case['case']}: error bound as shipped, error, times faster, less work of the cheapest: ", *numbers)
     print()
-    rows = [
+    orders = [
         (case["case"], name, f"{order:.2f}", f"{theory:g}", "" if steady else "not asymptotic")
         for case in found
         for name, (order, theory, steady) in case.get("orders", {}).items()
     ]
-    table(("case", "knob", "order", "theory", ""), rows)
+    table(("case", "knob", "order", "theory", ""), orders)
     for case in found:
         for row in case["rows"]:
             if row["what"] == "refused":

@@ -3,9 +3,10 @@
 from hpcpic.core.api import case
 from hpcpic.core.api.program import Program
 from hpcpic.core.api.results import Run
+from hpcpic.core.api.simulation import Simulation
 from sph.__main__ import load_app
 
-__all__ = ["Case", "Run", "cases", "open_run"]
+__all__ = ["Case", "Run", "Simulation", "cases", "open_run"]
 cases, open_run = Program(load_app).cases, Program(load_app).open_run
 
 

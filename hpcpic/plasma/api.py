@@ -4,8 +4,9 @@ from hpcpic.__main__ import load_app
 from hpcpic.core.api import case
 from hpcpic.core.api.program import Program
 from hpcpic.core.api.results import Run
+from hpcpic.core.api.simulation import Simulation
 
-__all__ = ["Case", "Run", "cases", "open_run"]
+__all__ = ["Case", "Run", "Simulation", "cases", "open_run"]
 cases, open_run = Program(load_app).cases, Program(load_app).open_run
 
 

@@ -149,10 +149,16 @@ def campaign(app: Any, world: World, folder: Path, n: int) -> dict[str, Any]:
         json.loads(within_child(lambda: (app.restore(reader), scalars_after(app, LONG_STEPS))[1])) for _ in range(2)
     )
     assert same_scalars(control, quiet), "a run without a flip differs from another"
-    rng, found, silent = np.random.default_rng(5), Counter(), []
+    rng, silent = np.random.default_rng(5), []
+    found: Counter[str] = Counter()
+
+    def followed(damaged: Damaged) -> str:
+        turn_bit(app, reader, damaged)
+        return scalars_after(app, LONG_STEPS)
+
     for _ in range(n):
         name, row, word, bit, one, damaged = drawn(rng, reader)
-        said = within_child(lambda: (turn_bit(app, reader, damaged), scalars_after(app, LONG_STEPS))[1])  # noqa: B023
+        said = within_child(partial(followed, damaged))
         if said.startswith("{"):
             said = "harmless" if same_scalars(json.loads(said), quiet) else "silent"
         found.update((said, f"{said}: {name}"))

@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 import psutil
+from numpy.typing import NDArray
 
 from hpcpic.core.cli import main as face
 from hpcpic.core.comm import ghosts
@@ -29,7 +30,7 @@ from hpcpic.core.files import image
 from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.run import checkpoint
 
-FAULT = {"kind": "none", "rank": 1, "step": 20, "pause": 0.0}
+FAULT: dict[str, Any] = {"kind": "none", "rank": 1, "step": 20, "pause": 0.0}
 FAULT |= json.loads(os.environ.get("FAULT", "{}"))
 
 
@@ -75,10 +76,14 @@ def become(app: Any, world: Any, which: Callable[[Any], str], value: float) -> N
 def misnumber_messages() -> None:
     """From now on this rank's messages say that they belong to an iteration two later."""
     at, refresh = Messages.at, ghosts.Refresh.start
-    Messages.at = lambda messages, iteration: at(messages, iteration + 2)  # type: ignore[method-assign]
-    ghosts.Refresh.start = (  # type: ignore[method-assign]
-        lambda exchange, iteration, values: refresh(exchange, iteration + 2, values)
-    )
+
+    def later(messages: Messages, iteration: int) -> None:
+        at(messages, iteration + 2)
+
+    def refresh_later(exchange: ghosts.Refresh, iteration: int, values: NDArray) -> None:
+        refresh(exchange, iteration + 2, values)
+
+    Messages.at, ghosts.Refresh.start = later, refresh_later  # type: ignore[method-assign, assignment]
 
 
 def take_memory() -> None:

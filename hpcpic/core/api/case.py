@@ -7,7 +7,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -104,7 +104,7 @@ class Case:
         tree.places = {(): Place(f"{self._app.name}.Case"), **on_sets}
         return tree
 
-    def changed(self, changes: Mapping[str, Any]) -> Case:
+    def changed(self, changes: Mapping[str, Any]) -> Self:
         """Another case, with these keys ("species[0].particles") set to these values. Raises ConfigError.
 
         A mapping changes the keys in it and leaves the others of its group: {"simulation": {"end_time": 1.0}} is
