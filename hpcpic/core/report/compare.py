@@ -91,7 +91,7 @@ def make_compare_command(app_loader: AppLoader) -> click.Command:
         (momentum_x and momentum_y; mode_1_re and mode_2_im): one that is 0 by symmetry differs by rounding alone.
         Series that were sampled at other times are compared at the times that they share, else b interpolated in time;
         where the final states are the same bits, as of a restarted run, what that makes of the series is told and does
-        not count.
+        not count. Last snapshots are compared if they are of one time, whatever their steps.
         """
         from hpcpic.core.files.reader import open_run
 
@@ -251,41 +251,58 @@ def _common(kind: str, a: Any, b: Any) -> Iterator[str]:
 
 
 def _fields(a: Run, b: Run) -> Iterator[Difference | str]:
-    if not (yield from _same_last("fields", a, b)):
+    at = yield from _same_last("fields", a, b)
+    if not at:
         return
-    step = a.field_snapshots.steps[-1]
     names = [run.field_snapshots.names_at(-1) for run in (a, b)]
     yield from _common("field", *names)
     for name in names[0]:
         if name in names[1]:
-            yield difference(f"field {name}, step {step}", a.field(name), b.field(name))
+            yield difference(f"field {name}, {at}", a.field(name), b.field(name))
 
 
 def _particles(a: Run, b: Run) -> Iterator[Difference | str]:
-    if not (yield from _same_last("particles", a, b)):
+    at = yield from _same_last("particles", a, b)
+    if not at:
         return
-    step = a.particle_snapshots.steps[-1]
+    offsets = [run.particle_snapshots.time_offsets for run in (a, b)]
     yield from _common("species", a.particle_snapshots.species, b.particle_snapshots.species)
     for species in a.particle_snapshots.species:
         if species in b.particle_snapshots.species:
             first, second = a.particles(species), b.particles(species)
             yield from _common(species, first, second)
             for name in first:
-                if name in second:
-                    yield difference(f"{species} {name}, step {step}", first[name], second[name])
+                times = [of.get(name, 0.0) for of in offsets]
+                if name in second and not _same_time(*times):
+                    yield Note(f"{species} {name}: {times[0]:+g} and {times[1]:+g} s from the positions, not compared")
+                elif name in second:
+                    yield difference(f"{species} {name}, {at}", first[name], second[name])
 
 
-def _same_last(kind: str, a: Run, b: Run) -> Generator[str, None, bool]:
-    """True if both runs have snapshots of `kind` ("fields" or "particles"), the last ones of the same step."""
+def _same_last(kind: str, a: Run, b: Run) -> Generator[str, None, str]:
+    """The step or time of the last snapshots of `kind` ("fields" or "particles") where both runs have one of the same
+    time, else "".
+    """
     have = [getattr(run.rundir, kind).exists() for run in (a, b)]
     if have[0] != have[1]:
         yield f"{kind}: only in {a.path if have[0] else b.path}"
     if not all(have):
-        return False
-    last = [next(iter(getattr(run, f"{kind[:-1]}_snapshots").steps[::-1].tolist()), None) for run in (a, b)]
-    if last[0] != last[1]:
-        yield f"{kind}: last snapshot of step {last[0]} and {last[1]}"
-    return last[0] == last[1] is not None
+        return ""
+    found = [getattr(run, f"{kind[:-1]}_snapshots") for run in (a, b)]
+    if not all(len(snapshots.steps) for snapshots in found):
+        if any(len(snapshots.steps) for snapshots in found):
+            yield f"{kind}: no snapshot yet in {(b if len(found[0].steps) else a).path}"
+        return ""
+    (step, other), (time, later) = ([getattr(one, of)[-1] for one in found] for of in ("steps", "times"))
+    if _same_time(time, later):
+        return f"step {step}" if step == other else f"t = {time:.6g} s"
+    yield f"{kind}: last snapshot at t = {time:.6g} s (step {step}) and {later:.6g} s (step {other})"
+    return ""
+
+
+def _same_time(a: float, b: float) -> bool:
+    """To rounding: runs whose steps have other lengths come to the same time by other sums."""
+    return abs(a - b) <= 1e-9 * max(abs(a), abs(b))
 
 
 def _print_configs(a: Run, b: Run) -> None:

@@ -23,7 +23,9 @@ from hpcpic.__main__ import load_app
 from hpcpic.core.app.text import table
 from hpcpic.core.case.config import load
 from hpcpic.core.cli.main import VERBS, build
+from hpcpic.core.files.reader import open_run
 from hpcpic.core.files.rundir import RunDir
+from hpcpic.core.report.compare import compared
 from hpcpic.core.report.export import to_csv
 from sph.app import APP as SPH
 
@@ -218,6 +220,23 @@ def test_compare_of_runs_of_different_length_is_exit_3(toy):
     assert done.returncode == 3 and "different times" in done.stderr
 
 
+def test_compare_takes_last_snapshots_of_one_time_not_of_one_step(toy):
+    """A run whose steps are twice as long comes to the same time: it was told to have no snapshot in common, and one
+    that goes twice as far in as many steps was compared with it.
+    """
+    toy(*RUN_A, steps=20, output__field=20, output__particle=20)
+    for name, where, factor in (("b", "step", 0.5), ("c", "VTKHDF/Steps/Values", 2.0)):
+        shutil.copytree(toy.folder / "a", toy.folder / name)
+        for kind in ("fields", "particles"):
+            with h5py.File(toy.folder / f"{name}/{kind}.vtkhdf", "r+") as file:
+                file[where][...] = file[where][...] * factor
+    a, b, c = (open_run(toy.folder / name) for name in "abc")
+    assert [one.what for one in compared(a, a).differences][-1] == "points u, step 20"
+    assert [one.what for one in compared(a, b).differences][-1] == "points u, t = 0.0195312 s"
+    apart = "last snapshot at t = 0.0195312 s (step 20) and 0.0390625 s (step 20)"
+    assert compared(a, c).missing == tuple(f"{kind}: {apart}" for kind in ("fields", "particles"))
+
+
 def test_compare_of_runs_without_output_looks_at_their_final_states(toy):
     for name, courant in (("a", 0.25), ("b", 0.25), ("c", 0.5)):
         toy("run", "ring.conf", "-o", name, "--threads", "1", courant=courant, steps=9, output__series=0)
@@ -233,7 +252,7 @@ def test_compare_with_a_run_that_has_just_begun_is_exit_3(toy):
         with h5py.File(toy.folder / f"b/{name}.vtkhdf", "r+") as file:
             file["VTKHDF/Steps"].attrs.modify("NSteps", 0)
     done = toy("compare", "a", "b")
-    assert done.returncode == 3 and "fields: last snapshot of step 9 and None" in done.stderr, done.stderr
+    assert done.returncode == 3 and "fields: no snapshot yet in b" in done.stderr, done.stderr
 
 
 def test_export_writes_what_other_programs_read(toy):
