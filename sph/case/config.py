@@ -81,7 +81,10 @@ class Fluid(Section):
         "that goes with `flow`",
     )
     surface: float | None = setting(
-        None, "hydrostatic: height of the free surface; by default the top of the shape", "m"
+        None,
+        "hydrostatic: height of the free surface; by default the top of the shape, of a polygon its upper side, which "
+        "may slope",
+        "m",
     )
     velocity: Vector = setting((), "uniform initial velocity", "m/s")
     flow: Flow | None = None

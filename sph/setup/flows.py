@@ -11,9 +11,11 @@ from hpcpic.core.files.start import arrays
 from hpcpic.core.space.elementary import cos, cosh, sin, sinh
 from hpcpic.core.space.products import product
 from sph.case import geometry
-from sph.case.config import Flow, Fluid, SphConfig
+from sph.case.config import AXES, Flow, Fluid, SphConfig
 from sph.physics.equation_of_state import EquationOfState
 from sph.physics.liquids import Liquids
+from sph.setup.particle_lattices import even
+from sph.setup.tanks import holds
 
 TERMS = 60  # of the double sine series in each direction
 
@@ -38,10 +40,41 @@ def depth(scene: Liquid, fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
     """Distance[n] below the free surface of a fluid along gravity; 0 without gravity."""
     if not scene.gravity.any():
         return np.zeros(len(x))
-    top = fluid.surface
-    if top is None:
-        top = heights(scene, fluid)[1]
-    return top - product(x, up(scene))
+    return surface(scene, fluid, x) - product(x, up(scene))
+
+
+def surface(scene: Liquid, fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
+    """Heights[n] against gravity of the free surface of a fluid over points, m: that which the case gives, else the top
+    of its shape. Of a polygon it is its upper side over a point, which may slope, as far as no wall lies on that; under
+    walls it goes on from one such place to the next.
+    """
+    if fluid.surface is not None or not fluid.shape.polygon:
+        return np.full(len(x), heights(scene, fluid)[1] if fluid.surface is None else fluid.surface)
+    z = up(scene)
+    along, corners, dp = np.array([z[1], -z[0]]), np.array(fluid.shape.polygon.corners), scene.spacing
+    ends = np.stack([product(corners, along), product(corners, z)], axis=1)
+    first, last = ends[:, 0].min(), ends[:, 0].max()
+    columns = even(first, last, dp / 2)
+    tops = upper_side(ends, columns)
+    beyond = columns[:, None] * along + (tops + dp / 2)[:, None] * z
+    k = int(np.argmax(np.abs(z)))
+    side = AXES[k] + "-+"[int(z[k] > 0.0)]
+    open_ = np.all([np.ones(len(columns), bool), *(~holds(wall, beyond, side) for wall in scene.config.wall)], axis=0)
+    if not open_.any():
+        return np.full(len(x), heights(scene, fluid)[1])
+    at = np.clip(product(x, along), first, last)
+    own = open_[np.clip(((at - first) / (last - first) * len(columns)).astype(np.int64), 0, len(columns) - 1)]
+    return np.where(own, upper_side(ends, at), np.interp(at, columns[open_], tops[open_]))
+
+
+def upper_side(corners: NDArray, at: NDArray) -> NDArray[np.float64]:
+    """Heights[n] of the highest points of a polygon with corners[., (along, up)] at places along it, m."""
+    found = np.full(len(at), -np.inf)
+    for (a, low), (b, high) in zip(corners, np.roll(corners, -1, axis=0)):
+        if a != b:
+            there = (min(a, b) <= at) & (at <= max(a, b))
+            found[there] = np.maximum(found[there], low + (at[there] - a) / (b - a) * (high - low))
+    return found
 
 
 def hydrostatic(scene: Liquid, fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
@@ -63,7 +96,7 @@ def load(scene: Liquid, fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
     found = np.zeros(len(x))
     if fluid.surface is not None or not scene.gravity.any():
         return found
-    g, z = math.hypot(*scene.gravity), np.full(len(x), heights(scene, fluid)[1])
+    g, z = math.hypot(*scene.gravity), surface(scene, fluid, x)
     others = [other for other in scene.config.fluid if other is not fluid and at_rest(other)]
     for other in sorted(others, key=lambda one: heights(scene, one)[0]):
         bottom, top = heights(scene, other)

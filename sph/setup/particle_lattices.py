@@ -94,10 +94,12 @@ def even(low: float, high: float, spacing: float, longest: float = math.inf) -> 
     return low + (np.arange(n, dtype=np.float64) + 0.5) * ((high - low) / n)
 
 
-def grid_of(shape: Shape, spacing: float) -> Grid:
-    """The lattice over the box around a shape: exact for a box, of the spacing for what is round."""
+def grid_of(shape: Shape, spacing: float, divides: bool = False) -> Grid:
+    """The lattice over the box around a shape: one that divides the box for a box, or where that is asked for, else of
+    the spacing, about its middle.
+    """
     low, high = geometry.bounds(shape)
-    if shape.box:
+    if shape.box or divides:
         return Grid(tuple(even(a, b, spacing) for a, b in zip(low, high)))
     return Grid(tuple(_centred(a, b, spacing) for a, b in zip(low, high)))
 

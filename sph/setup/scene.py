@@ -374,15 +374,17 @@ class Scene:
             nowhere, mass = Grid((np.zeros(0),) * self.dimensions), section.density * self.spacing**self.dimensions
             given = np.asarray(given, float)
             return FluidSet(section, nowhere, first, mass, np.zeros(0, np.int64), self.spacing, given=given)
-        grid, beyond, step = grid_of(section.shape, self.spacing), 0, self.spacing
-        if section.shape.box:
-            mass = section.density * geometry.volume(section.shape) / grid.n
-            low, high = map(np.array, geometry.bounds(section.shape))
+        shape, beyond, step = section.shape, 0, self.spacing
+        divides = bool(shape.box or shape.polygon)  # the floor and the sides of a tank lie half a spacing off it
+        grid = grid_of(shape, self.spacing, divides)
+        low, high = map(np.array, geometry.bounds(shape))
+        mass = section.density * self.spacing**self.dimensions
+        if divides:
+            mass = section.density * math.prod((high - low).tolist()) / grid.n
             step = float(min(np.min((high - low) / grid.shape), step))
+        if shape.box:
             whole, grid = grid, grid.within(self.low, self.high)
             beyond = whole.n - grid.n
-        else:
-            mass = section.density * self.spacing**self.dimensions
         gone: list[NDArray[np.int64]] = []
         taken: list[tuple[str, NDArray[np.int64]]] = []  # of them, by what
         fluid = FluidSet(section, grid, first, mass, np.zeros(0, np.int64), step)

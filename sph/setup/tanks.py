@@ -124,7 +124,7 @@ def open_sides(config: case.SphConfig, fluid: case.Fluid) -> list[str]:
             if axis in config.domain.periodic:
                 continue
             place = tuple(at if n == k else (a + b) / 2 for n, (a, b) in enumerate(zip(low, high)))
-            walled = any(holds(wall, place, axis + sign) for wall in config.wall)
+            walled = any(holds(wall, np.array([place]), axis + sign)[0] for wall in config.wall)
             wet = any(all(a <= x <= b for a, x, b in zip(a, place, b)) for a, b in others)
             found += [] if walled or wet else [axis + sign]
     return found
@@ -137,11 +137,11 @@ def free_surface(config: case.SphConfig) -> bool:
     return any(side[0] not in through for fluid in liquids for side in open_sides(config, fluid))
 
 
-def holds(wall: case.Wall, place: tuple[float, ...], side: str) -> bool:
-    """Whether a wall is there at a place beyond a side, to which nothing is open."""
-    off = float(signed_distance.signed_distance(wall.shape, np.array([place]))[0])
+def holds(wall: case.Wall, places: NDArray, side: str) -> NDArray[np.bool_]:
+    """At which places[n, d] beyond a side, to which nothing is open, a wall is."""
+    off = signed_distance.signed_distance(wall.shape, places)
     left_out = wall.shape.box is not None and side in wall.shape.box.open
-    return (off < 0.0 if wall.solid or wall.shape.plane else off > 0.0) and not left_out
+    return (off < 0.0 if wall.solid or wall.shape.plane else off > 0.0) & (not left_out)
 
 
 def frame(scene: Any, gauge: case.Gauge) -> NDArray[np.float64]:

@@ -9,6 +9,7 @@ from sph.case import geometry
 from sph.case.shapes import Box, Cylinder, Polygon, Shape
 from sph.forecast.derived import derived
 from sph.setup.rigid.mass import rigid_of
+from sph.setup.scene import Scene
 from sph.setup.signed_distance import signed_distance, thickness
 
 ANVIL = ((0.0, 0.0), (1.0, 0.0), (0.7, 0.4), (1.2, 0.8), (-0.2, 0.9), (0.3, 0.4))  # which is hollow on both sides
@@ -137,3 +138,45 @@ def test_a_tank_with_sloping_sides_holds_its_water():
         down, aside = (sum(found[f"force_{name}_{axis}"] for name in names) for axis in "yx")
         weight = 9810.0 * area
         assert down == pytest.approx(-weight, rel=0.03) and abs(aside) < 0.02 * weight and not found["strays"]
+
+
+def start(corners=None, walls=(TANK,), spacing=0.02, **fluid):
+    """Places, pressures over rho g and mass of water at t = 0, of a shape in a tank."""
+    shape = {"shape": {"polygon": {"corners": corners}}} if corners else {}
+    made = sph.Case(
+        simulation={"end_time": 0.1}, gravity=[0.0, -9.81], numerics={"spacing": spacing},
+        fluid=[{"name": "water", **shape, **fluid}], wall=list(walls),
+    )  # fmt: skip
+    scene = Scene(made.config)
+    found = scene.fluid(np.arange(scene.n_fluid))
+    return found["x"], scene.eos.pressure(found["drho"]) / 9810.0, found["m"]
+
+
+@pytest.mark.parametrize("high", [(1.2, 0.6), (1.19, 0.533)])
+def test_a_rectangle_of_water_starts_as_a_box_does(high):
+    """On the lattice that divides it, so that its first layer lies half a spacing over the floor."""
+    a, b = high
+    box = start(shape={"box": {"low": [0.0, 0.0], "high": list(high)}})
+    for one, other in zip(start([[0.0, 0.0], [a, 0.0], [a, b], [0.0, b]]), box):
+        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
+
+
+def test_under_a_slope_water_starts_with_the_pressure_of_what_lies_over_it():
+    """It had that of its highest point everywhere, and rang by a third of it."""
+    x, head, mass = start([[0.0, 0.0], [1.2, 0.0], [1.2, 0.23], [0.0, 0.37]])
+    assert mass.sum() == pytest.approx(1000.0 * 1.2 * 0.3, rel=3e-3)
+    over = 0.37 - 0.14 / 1.2 * x[:, 0] - x[:, 1]
+    np.testing.assert_allclose(head, np.maximum(over, 0.0), rtol=4e-3, atol=1e-9)  # its weight compresses it
+
+
+def test_water_that_walls_cover_is_level_or_has_the_pressure_between_two_levels():
+    ceiling = [[0.0, 0.3], [0.0, 0.7], [1.2, 0.7], [1.2, 0.5]]
+    lid = {"name": "lid", "solid": True, "shape": {"polygon": {"corners": ceiling}}}
+    x, head, _ = start([[0.0, 0.0], [1.2, 0.0], [1.2, 0.5], [0.0, 0.3]], (TANK, lid))
+    np.testing.assert_allclose(head, 0.5 - x[:, 1], rtol=4e-3)  # full, so that it rests
+    core = {"name": "core", "solid": True, "shape": {"box": {"low": [0.2, 0.2], "high": [1.0, 1.0]}}}
+    legs = [[0.0, 0.0], [1.2, 0.0], [1.2, 0.4], [1.0, 0.4], [1.0, 0.2], [0.2, 0.2], [0.2, 0.6], [0.0, 0.6]]
+    x, head, _ = start(legs, (TANK, core))
+    left, right = x[:, 0] < 0.2, x[:, 0] > 1.0
+    level = np.select([left, right], [0.6, 0.4], 0.6 - 0.2 * (x[:, 0] - 0.2) / 0.8)
+    np.testing.assert_allclose(head, level - x[:, 1], rtol=4e-3, atol=1e-3)
