@@ -76,7 +76,8 @@ def arrays(config: LbmDemConfig, ranks: int) -> Iterator[Array]:
     if config.fluid:
         yield from fluid_arrays(config, ranks)
     if config.grains_move:
-        yield from expected(grain_count(config) // ranks + 1, config.dimensions)
+        films = bool(config.fluid and config.coupling.lubrication and not config.coupling.frozen)
+        yield from expected(grain_count(config) // ranks + 1, config.dimensions, films)
 
 
 def fluid_arrays(config: LbmDemConfig, ranks: int) -> Iterator[Array]:

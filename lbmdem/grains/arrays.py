@@ -1,7 +1,8 @@
 """The arrays of the grains of a rank and of their contacts. Without numba.
 
 Sizes: "grains" that this rank moves, "rows" of these, of ghosts and one that touches nothing, "slots" of pairs that may
-touch (whole vectors of LANES), "entries" of pairs in the grains' own lists, "parts" of a substep, "walls".
+touch (whole vectors of LANES), "filmed" as many where there are films, "entries" of pairs in the grains' own lists,
+"parts" of a substep, "walls".
 """
 
 from collections.abc import Iterator
@@ -32,6 +33,7 @@ CONTACTS = (
     Array("high", ("slots",), "int32", "", "row of the other grain, or number of the wall"),
     Array("damping", ("slots",), "float64", "kg/s"),
     Array("lines", ("slots", LANES), "float64", "N, W, N, m", "force, power, torque per arm, half the overlap"),
+    Array("couples", ("filmed", LANES), "float64", "N", "of films: torque per arm that is opposite on the two"),
     Array("springs", (3, "slots"), "float64", "m", "tangential springs"),
     Array("busy", ("slots",), "uint8", "", "1 for a vector of slots whose lines are not zero"),
     Array("begins", ("rows",), "int64", "", "first entry of each grain"),
@@ -47,8 +49,8 @@ STEP = (
 )
 
 
-def expected(grains: int, d: int) -> Iterator[Array]:
+def expected(grains: int, d: int, films: bool) -> Iterator[Array]:
     """The arrays of so many grains on a rank, as large as a dense packing makes them."""
     slots = PAIRS_PER_GRAIN[d] * grains // 2
-    sizes = {"grains": grains, "rows": grains + 1, "slots": slots, "entries": 2 * slots}
+    sizes = {"grains": grains, "rows": grains + 1, "slots": slots, "entries": 2 * slots, "filmed": films * slots}
     return (array.sized(sizes) for array in (*GRAINS, *CONTACTS))

@@ -82,7 +82,8 @@ class ContactList:
         self.n_grain_slots = n_near + _padded(far)
         self.n_slots = self.n_grain_slots + _padded(len(found))
         entries = int(arena["firsts"][-1])
-        arena.reserve(slots=self.n_slots, entries=entries + len(found))
+        filmed = self.n_slots if arena.value("film").cut_off else 0
+        arena.reserve(slots=self.n_slots, filmed=filmed, entries=entries + len(found))
         self.low[:], self.high[:] = n, n
         slots = np.empty(entries, np.int64)
         arena.call(search.number_slots, far=n_near, slots=slots)

@@ -63,7 +63,7 @@ class Dem:
         self._serial = few and (world.size == 1 or replicated(world, number))
         parts = 1 if self._serial else parts_of(pool.threads)
         sizes = {"parts": parts, "cuts": parts + 1, "walls": len(walls) + 1}
-        sizes |= dict.fromkeys(("grains", "rows", "slots", "entries"), LANES)  # to begin with
+        sizes |= dict.fromkeys(("grains", "rows", "slots", "filmed", "entries"), LANES)  # to begin with
         self.arena = arena = Arena((*GRAINS, *(DRIVEN if own else ()), *CONTACTS, *STEP), **sizes)
         arena.group(grains=GrainArrays, contacts=Contacts, lists=GrainLists, box=Box, pushed=Pushed)
         self.gravity = np.zeros(3)

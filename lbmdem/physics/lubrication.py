@@ -6,11 +6,13 @@ form with a least gap, Simeonov & Calantoni, Int. J. Multiphase Flow 46 (2012) 3
 no node is left in the gap: of spheres, what they give beside a wall was measured against Brenner, Chem. Eng. Sci. 16
 (1961) 242, with 10 and 20 nodes across (tests/validation). SI or any other units alike.
 
-Two motions of the film are counted: squeezing, and for spheres shearing by surfaces that slide past each other, as
-Ball & Melrose (Physica A 247 (1997) 444) separate them. At a plane what a sphere does by sliding and what by turning
-are told apart (Goldman, Cox & Brenner, Chem. Eng. Sci. 22 (1967) 637): the fluid that a turning sphere pumps along
-takes away three quarters of the force that its surface's velocity alone would make. Between spheres that is left out:
-equal ones turn against each other too easily, with 1/8 instead of 1/5 of 8 pi mu a^3 ln(a / h).
+Three motions of a film are counted: it is squeezed, it is sheared by surfaces that slide past each other, and it is
+pumped along by surfaces that go the same way, each seen from where they meet. Without the first a film turns
+R (s^2 + c p^2) into heat, with the velocity s of one surface against the other and the sum p of both; R and c follow
+from Reynolds' equation: R = 2 pi mu r ln(1 / h) and c = 3/5 between spheres, pi mu (2 r / h)^(1/2) and 1 between discs,
+with the reduced radius r. Of spheres these are the logarithms of Jeffrey & Onishi (J. Fluid Mech. 139 (1984) 261) for
+any radii and of Goldman, Cox & Brenner (Chem. Eng. Sci. 22 (1967) 637) at a plane, of discs the limits of Jeffrey &
+Onishi (Q. J. Mech. Appl. Math. 34 (1981) 129) at a plane.
 """
 
 import math
@@ -20,8 +22,8 @@ from hpcpic.core.simd.formulas import maximum, minimum, select, sqrt
 
 CUT_OFF = {2: 2.0 / 3.0, 3: 1.0 / 1.7}  # nodes: where the resolved force begins to lag behind
 RESOLVED, GROWTH = 0.53, 0.55  # of a sphere's force at the cut-off: what links give at contact, more by gap / cut-off
-SHEAR_CUT_OFF = 0.85  # of the cut-off: half a node
-PLANE_COUPLING = 0.25  # of a sphere at a plane: torque by sliding over torque by turning; of the forces the inverse
+SHEAR_CUT_OFF = 0.85  # of the cut-off: half a node; links of discs beside a plane were measured too, 10 and 20 across
+PUMPED = {2: 1.0, 3: 0.6}  # c: resistance to the sum of both surfaces' velocities, over that to their difference
 STABLE = 0.2  # resistance x mobility x step: films all round a grain are stable below, as 4.5 of them count fully
 MOST_SUBSTEPS = 1000  # in a step of the fluid, for films: a stiffer one is limited to what is stable
 ROUGHNESS = 1e-3  # least gap over the reduced radius: grains touch before theirs is zero
@@ -57,19 +59,13 @@ class Film(NamedTuple):
         film = resistance / (3.0 * math.sqrt(2.0) * math.pi * self.viscosity)
         return radius / ((radius / self.cut_off) ** 1.5 + film) ** (2.0 / 3.0)
 
-    def shear_resistance(self, gap: float, first: float, second: float = math.inf) -> float:
-        """Force over velocity of sliding of the surfaces of two spheres, or of one and a plane (Jeffrey & Onishi,
-        J. Fluid Mech. 139 (1984) 261, the logarithm alone), less that at the cut-off; 0 in 2D. Where they touch it
-        is that of the least gap, and acts at planes alone.
-        """
-        cut = SHEAR_CUT_OFF * self.cut_off
-        if self.dimensions == 2 or not gap < cut:
-            return 0.0
-        size, reduced = 2.0 * first, first
-        if math.isfinite(second):
-            size = first * second * (2.0 * (first**2 + second**2) + first * second) / (first + second) ** 3
-            reduced = first * second / (first + second)
-        return max(0.0, sheared_spheres(self, size, math.log(cut / max(gap, ROUGHNESS * reduced))))
+    def shear_resistance(self, gap: float, radius: float) -> float:
+        """Force over velocity of surfaces that slide past each other and pump nothing; where grains touch that of the
+        least gap. radius: the reduced one."""
+        least = max(gap, ROUGHNESS * radius)
+        if self.dimensions == 2:
+            return max(0.0, float(sheared_discs(self, least, radius)))
+        return max(0.0, sheared_spheres(self, radius, math.log(SHEAR_CUT_OFF * self.cut_off / least)))
 
 
 def squeeze_resistance(film: Film, gap: Any, radius: Any) -> Any:
@@ -87,17 +83,33 @@ def squeeze_resistance(film: Film, gap: Any, radius: Any) -> Any:
     return select((gap >= 0.0) & (found > 0.0), found, 0.0)
 
 
-def sheared_spheres(film: Film, size: Any, logarithm: Any) -> Any:
-    """4/15 6 pi mu a ln(h_c / h) of two spheres that slide; size: a x their function of the ratio of radii."""
-    return size * (4.0 / 15.0 * (6.0 * math.pi * film.viscosity)) * logarithm
+def sheared_spheres(film: Film, radius: Any, logarithm: Any) -> Any:
+    """2 pi mu r ln(h_c / h), given the logarithm; less than 0 beyond the cut-off h_c of shear."""
+    return radius * (2.0 * math.pi * film.viscosity) * logarithm
 
 
-def sheared_at_plane(resistance: Any, sliding: Any, turning: Any) -> Any:
-    """Force of the sheared film on a sphere at a plane, and the force whose moment on its radius is the torque.
+def sheared_discs(film: Film, gap: Any, radius: Any) -> Any:
+    """pi mu (2 r)^(1/2) (1 / h^(1/2) - 1 / h_c^(1/2)); less than 0 beyond the cut-off h_c of shear."""
+    near, far = sqrt(2.0 * radius / gap), sqrt(2.0 / (SHEAR_CUT_OFF * film.cut_off) * radius)
+    return (near - far) * (math.pi * film.viscosity)
 
-    resistance: of a sphere that slides without turning; sliding: velocity of the plane less that of the centre;
-    turning: velocity of the sphere's surface against its centre where they meet; both along the plane, vectors.
+
+def shear_mobility(c: float, d: Any, inverse: Any, turning: Any) -> Any:
+    """What times the resistance R is not below the rate (1/s) at which s and p decay. c: PUMPED; d: see `sheared`;
+    inverse: sum of the inverse masses; turning: of radius^2 / moment of inertia."""
+    return (c * d * d + 1.0) * inverse + (c + 1.0) * turning
+
+
+def sheared(resistance: Any, c: float, d: Any, s: Any, p: Any) -> Any:
+    """Force on the first grain; lever and couple, whose moments at the radius give the torques; power turned into heat.
+
+    s: velocity of the second surface less that of the first, p: the sum of both, in the frame that turns with the line
+    of centres, vectors; c: PUMPED; d: (b - a)/(a + b) of the radii, 1 at a plane. With the normal n from the first to
+    the second the torques are a n x (lever - couple) and b n x (lever + couple).
     """
-    c, (ux, uy, uz), (wx, wy, wz) = PLANE_COUPLING, sliding, turning
-    force = resistance * (ux - c * wx), resistance * (uy - c * wy), resistance * (uz - c * wz)
-    return force, (resistance * (c * ux - wx), resistance * (c * uy - wy), resistance * (c * uz - wz))
+    k = c * resistance
+    f = k * d
+    lever, couple = (resistance * s[0], resistance * s[1], resistance * s[2]), (k * p[0], k * p[1], k * p[2])
+    force = lever[0] + f * p[0], lever[1] + f * p[1], lever[2] + f * p[2]
+    heat = lever[0] * s[0] + lever[1] * s[1] + lever[2] * s[2]
+    return force, lever, couple, couple[0] * p[0] + couple[1] * p[1] + couple[2] * p[2] + heat

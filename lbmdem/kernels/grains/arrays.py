@@ -43,6 +43,7 @@ class Contacts(NamedTuple):
     high: NDArray
     damping: NDArray
     lines: NDArray
+    couples: NDArray
     springs: NDArray
     busy: NDArray
 

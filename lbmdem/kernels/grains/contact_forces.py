@@ -1,7 +1,8 @@
 """Contact forces, eight pairs at a time; the law is in `hpcpic.core.physics.contact_law`.
 
 Every pair has a slot; slot s holds its force in line s of `lines` (float64[slots, 8]): force on the first of the two
-(3 values), power turned into heat, torque per arm n x T (3 values), half the overlap. The first is the one with the
+(3 values), power turned into heat, torque per arm n x T (3 values), half the overlap; where there are films line s of
+`couples` has what the torques per arm have more on the first and less on the second. The first is the one with the
 smaller id, so a pair has the same bits on every rank that sees it. Lines of pairs that do not touch are zero, so sums
 over a grain's lines do not depend on which pairs beyond touch happen to be listed.
 """
@@ -14,7 +15,6 @@ from hpcpic.core.physics.contact_law import (
     regularised_friction,
     slip_velocity,
     spring_friction,
-    tangential,
 )
 from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.vector import (
@@ -36,8 +36,8 @@ from hpcpic.core.simd.vector import (
     store_at,
     store_lines,
 )
-from lbmdem.kernels.grains.films import resistance, shear_resistance
-from lbmdem.physics.lubrication import sheared_at_plane
+from lbmdem.kernels.grains.films import pumped, resistance, shear_resistance
+from lbmdem.physics.lubrication import sheared
 from lbmdem.sizes import LANES, ROW
 
 ROW_BYTES, LINE_BYTES = 8 * ROW, 64
@@ -54,13 +54,16 @@ class Masks(NamedTuple):
 
 class Motion(NamedTuple):
     """How eight pairs lie and move: normal n from the first to the second, overlap (m), velocity u of the second less
-    that of the first (m/s), and spin, the sum of arm x angular velocity (m/s).
+    that of the first (m/s), spin, the sum of arm x angular velocity (m/s), and turn, that of the second less that of
+    the first; d: difference of the radii over their sum.
     """
 
     n: Any
     overlap: Any
     u: Any
     spin: Any
+    turn: Any
+    d: Any
 
 
 class Resistances(NamedTuple):
@@ -77,13 +80,15 @@ def nearest(d, length, inverse):
 
 
 @njit
-def clear(contacts, p, law):
-    """Zero lines and springs of the slots from p on, none of which touches."""
+def clear(contacts, p, law, film):
+    """Zero lines, couples and springs of the slots from p on, none of which touches."""
     block = p // LANES
     if contacts.busy[block]:
-        lines = address_of(contacts.lines, 0) + p * LINE_BYTES
+        at = p * LINE_BYTES
         for k in range(LANES):
-            store_at(lines + k * LINE_BYTES, splat(F, 0.0), 64)
+            store_at(address_of(contacts.lines, 0) + at + k * LINE_BYTES, splat(F, 0.0), 64)
+            if film.cut_off > 0.0:
+                store_at(address_of(contacts.couples, 0) + at + k * LINE_BYTES, splat(F, 0.0), 64)
         contacts.busy[block] = 0
     if law.shear > 0.0:
         zero = splat(F, 0.0)
@@ -122,7 +127,7 @@ def grain_pairs(part, pair_cuts, contacts, rows, box, law, film, dt):
         square = fma(dz, dz, fma(dy, dy, dx * dx))
         touch, near = square < reach * reach, square < (reach + film.cut_off) * (reach + film.cut_off)
         if bitmask(near) == 0:
-            clear(contacts, p, law)
+            clear(contacts, p, law, film)
             continue
         contacts.busy[p // LANES] = 1
         distance = sqrt(square)
@@ -130,18 +135,19 @@ def grain_pairs(part, pair_cuts, contacts, rows, box, law, film, dt):
         overlap = maximum(reach - distance, splat(F, 0.0))
         v, w = gather_lines(F, 4, base + 32, at_i), gather_lines(F, 4, base + 64, at_i)
         s, t = gather_lines(F, 4, base + 32, at_j), gather_lines(F, 4, base + 64, at_j)
-        squeezing, shearing = splat(F, 0.0), splat(F, 0.0)
+        squeezing, shearing, d = splat(F, 0.0), splat(F, 0.0), splat(F, 0.0)
         if film.cut_off > 0.0:
-            product = a[3] * b[3]
-            squeezing = resistance(distance - reach, product / reach, v[3] + s[3], film, dt)
-            size = product * fma(reach, 2.0 * reach, -3.0 * product) / (reach * reach * reach)
-            mobility = fma(a[3] * a[3], w[3], fma(b[3] * b[3], t[3], v[3] + s[3]))
-            shearing = shear_resistance(distance - reach, product / reach, size, mobility, film, dt)
+            gap, reduced, free, d = distance - reach, a[3] * b[3] / reach, v[3] + s[3], (b[3] - a[3]) / reach
+            squeezing = resistance(gap, reduced, free, film, dt)
+            turning = fma(a[3] * a[3], w[3], b[3] * b[3] * t[3])
+            shearing = shear_resistance(gap, reduced, d, free, turning, film, dt)
         half = 0.5 * overlap
         arm_i, arm_j = a[3] - half, b[3] - half
-        spin = fma(arm_j, t[0], arm_i * w[0]), fma(arm_j, t[1], arm_i * w[1]), fma(arm_j, t[2], arm_i * w[2])
+        wx, wy, wz = arm_i * w[0], arm_i * w[1], arm_i * w[2]
+        spin = fma(arm_j, t[0], wx), fma(arm_j, t[1], wy), fma(arm_j, t[2], wz)
+        turn = fma(arm_j, t[0], -wx), fma(arm_j, t[1], -wy), fma(arm_j, t[2], -wz)
         n, u = (dx * inverse, dy * inverse, dz * inverse), (s[0] - v[0], s[1] - v[1], s[2] - v[2])
-        motion, resistances = Motion(n, overlap, u, spin), Resistances(squeezing, shearing)
+        motion, resistances = Motion(n, overlap, u, spin, turn, d), Resistances(squeezing, shearing)
         contact(p, Masks(touch, near), motion, resistances, contacts, law, film, dt, False)
 
 
@@ -156,7 +162,7 @@ def wall_pairs(part, wall_cuts, contacts, rows, walls, law, film, dt):
         gap = fma(a[2] - b[2], n[2], fma(a[1] - b[1], n[1], (a[0] - b[0]) * n[0])) - a[3]
         touch, near = gap < 0.0, gap < film.cut_off * (1.0 - b[3])
         if bitmask(near) == 0:
-            clear(contacts, p, law)
+            clear(contacts, p, law, film)
             continue
         contacts.busy[p // LANES] = 1
         v, w = gather_lines(F, 4, base + 32, at_i), gather_lines(F, 4, base + 64, at_i)
@@ -164,23 +170,25 @@ def wall_pairs(part, wall_cuts, contacts, rows, walls, law, film, dt):
         overlap, squeezing, shearing = maximum(-gap, splat(F, 0.0)), splat(F, 0.0), splat(F, 0.0)
         if film.cut_off > 0.0:
             squeezing = resistance(gap, a[3], v[3], film, dt)
-            mobility = fma(a[3] * a[3], w[3], v[3])
-            shearing = shear_resistance(gap, a[3], 2.0 * a[3], mobility, film, dt) * (1.0 - b[3])
+            turning = a[3] * a[3] * w[3]
+            shearing = shear_resistance(gap, a[3], splat(F, 1.0), v[3], turning, film, dt) * (1.0 - b[3])
         arm = fma(overlap, -0.5, a[3])
         inwards, u = (-n[0], -n[1], -n[2]), (s[0] - v[0], s[1] - v[1], s[2] - v[2])
-        spin = arm * w[0], arm * w[1], arm * w[2]
-        motion, resistances = Motion(inwards, overlap, u, spin), Resistances(squeezing, shearing)
+        spin, turn = (arm * w[0], arm * w[1], arm * w[2]), (-arm * w[0], -arm * w[1], -arm * w[2])
+        motion = Motion(inwards, overlap, u, spin, turn, splat(F, 1.0))
+        resistances = Resistances(squeezing, shearing)
         contact(p, Masks(touch, near), motion, resistances, contacts, law, film, dt, True)
 
 
 @njit(forceinline=True)
 def contact(p, masks, motion, resistances, contacts, law, film, dt, at_plane):
-    """Write the lines of the slots from p on: spring, dashpot and friction where they touch, else a film's forces.
+    """Write the lines of the slots from p on: spring, dashpot and friction where they touch, and a film's forces, of
+    which its shear acts while they touch too, with the gap of the roughness.
 
-    at_plane: the second is a plane, all the heat is the first one's, and the film's shear acts while they touch too.
+    at_plane: the second is a plane, and all the heat is the first one's.
     """
     touch, near, n, overlap, zero = masks.touch, masks.near, motion.n, motion.overlap, splat(F, 0.0)
-    squeezing, shearing = resistances.squeezing, resistances.shearing
+    squeezing = resistances.squeezing
     opening = dot(motion.u, n)
     pressed = normal_force(overlap, opening, load(F, contacts.damping, p), law, dt)
     t = slip_velocity(motion.u, motion.spin, n, opening)
@@ -193,31 +201,27 @@ def contact(p, masks, motion, resistances, contacts, law, film, dt, at_plane):
         store_springs(contacts.springs, p, kept)
     else:
         f, heated = regularised_friction(t, limit, law.viscosity)
-    loss = pressed.loss + heated
     normal = select(touch, pressed.force, -squeezing * opening)
-    g, lever, sheared = (zero, zero, zero), (zero, zero, zero), zero
+    loss = select(touch, pressed.loss + heated, squeezing * opening * opening)
+    f = select(touch, f[0], zero), select(touch, f[1], zero), select(touch, f[2], zero)
+    g = f
     if film.cut_off > 0.0:
-        if at_plane:
-            sliding = tangential(motion.u, n, opening)
-            turning = sliding[0] - t[0], sliding[1] - t[1], sliding[2] - t[2]
-            g, lever = sheared_at_plane(shearing, sliding, turning)
-            sheared = dot(g, sliding) - dot(lever, turning)
-        else:
-            g = lever = shearing * t[0], shearing * t[1], shearing * t[2]
-            sheared = dot(g, t)
-    open_loss = fma(squeezing * opening, opening, sheared)
-    if at_plane:  # the film stays in the gap of the roughness while they touch
-        loss = select(touch, loss + sheared, open_loss) * 2.0
-        f = select(touch, f[0], zero), select(touch, f[1], zero), select(touch, f[2], zero)
-        fx, fy, fz = f[0] + g[0], f[1] + g[1], f[2] + g[2]
-        tx, ty, tz = f[0] + lever[0], f[1] + lever[1], f[2] + lever[2]
-    else:
-        loss = select(touch, loss, open_loss)
-        fx, fy, fz = select(touch, f[0], g[0]), select(touch, f[1], g[1]), select(touch, f[2], g[2])
-        tx, ty, tz = fx, fy, fz
+        along = motion.d * motion.u[0], motion.d * motion.u[1], motion.d * motion.u[2]
+        both = slip_velocity(along, motion.turn, n, motion.d * opening)
+        push, lever, couple, heat = sheared(resistances.shearing, pumped(film), motion.d, t, both)
+        f = f[0] + push[0], f[1] + push[1], f[2] + push[2]
+        g = g[0] + lever[0], g[1] + lever[1], g[2] + lever[2]
+        loss = loss + heat
+        cx, cy, cz = couple
+        store_lines(address_of(contacts.couples, 0) + p * LINE_BYTES, (
+            zero, zero, zero, zero, select(near, fma(n[2], cy, -(n[1] * cz)), zero),
+            select(near, fma(n[0], cz, -(n[2] * cx)), zero), select(near, fma(n[1], cx, -(n[0] * cy)), zero), zero,
+        ))  # fmt: skip
+    if at_plane:
+        loss = loss * 2.0
     store_lines(address_of(contacts.lines, 0) + p * LINE_BYTES, (
-        select(near, fma(-normal, n[0], fx), zero), select(near, fma(-normal, n[1], fy), zero),
-        select(near, fma(-normal, n[2], fz), zero), select(near, loss, zero),
-        select(near, fma(n[1], tz, -(n[2] * ty)), zero), select(near, fma(n[2], tx, -(n[0] * tz)), zero),
-        select(near, fma(n[0], ty, -(n[1] * tx)), zero), select(touch, 0.5 * overlap, zero),
+        select(near, fma(-normal, n[0], f[0]), zero), select(near, fma(-normal, n[1], f[1]), zero),
+        select(near, fma(-normal, n[2], f[2]), zero), select(near, loss, zero),
+        select(near, fma(n[1], g[2], -(n[2] * g[1])), zero), select(near, fma(n[2], g[0], -(n[0] * g[2])), zero),
+        select(near, fma(n[0], g[1], -(n[1] * g[0])), zero), select(touch, 0.5 * overlap, zero),
     ))  # fmt: skip

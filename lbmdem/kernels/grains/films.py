@@ -4,9 +4,19 @@ import numpy as np
 
 from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.vector import Vec, fma, maximum, minimum, splat, sqrt
-from lbmdem.physics.lubrication import ROUGHNESS, SHEAR_CUT_OFF, STABLE, sheared_spheres, squeeze_resistance
+from lbmdem.physics.lubrication import (
+    PUMPED,
+    ROUGHNESS,
+    SHEAR_CUT_OFF,
+    STABLE,
+    shear_mobility,
+    sheared_discs,
+    sheared_spheres,
+    squeeze_resistance,
+)
 
 F = Vec(8, np.float64)
+DISCS, SPHERES = PUMPED[2], PUMPED[3]
 
 
 @njit
@@ -19,13 +29,21 @@ def resistance(gap, radius, inverse_mass, film, dt):
 
 
 @njit
-def shear_resistance(gap, radius, size, mobility, film, dt):
+def pumped(film):
+    """c: resistance to the sum of both surfaces' velocities, over that to their difference."""
+    return DISCS if film.dimensions == 2 else SPHERES
+
+
+@njit
+def shear_resistance(gap, radius, d, inverse_mass, turning, film, dt):
     """Force over velocity of sliding of a film below its own cut-off, while grains touch that of the least gap; radius:
-    reduced; 0 between discs."""
+    the reduced one; d, turning: see `shear_mobility`."""
+    h = maximum(gap, radius * ROUGHNESS)
     if film.dimensions == 2:
-        return splat(F, 0.0)
-    found = sheared_spheres(film, size, logarithm(SHEAR_CUT_OFF * film.cut_off / maximum(gap, radius * ROUGHNESS)))
-    found = minimum(found, STABLE / (mobility * dt))
+        found = sheared_discs(film, h, radius)
+    else:
+        found = sheared_spheres(film, radius, logarithm(SHEAR_CUT_OFF * film.cut_off / h))
+    found = minimum(found, STABLE / (shear_mobility(pumped(film), d, inverse_mass, turning) * dt))
     return maximum(found, splat(F, 0.0))
 
 
@@ -68,18 +86,18 @@ def fastest(contacts, n_slots, n_grain_slots, rows, walls, box, film, time):
         for c in range(3):
             opening += (b[4 + c] - a[4 + c]) * (d[c] / distance if pair else -b[8 + c])
         later = gap + opening * time
-        touch = max(gap, later) < 0.0  # all the time
-        if (pair and touch) or not min(gap, later) < film.cut_off:
+        if not min(gap, later) < film.cut_off:
             continue
-        radius, size, inverse, turning = a[3], 2.0 * a[3], a[7], a[3] * a[3] * a[11]
+        radius, differ, inverse, turning = a[3], 1.0, a[7], a[3] * a[3] * a[11]
         if pair:
-            radius = a[3] * b[3] / (a[3] + b[3])
-            size = 2.0 * radius * (1.0 - 1.5 * radius / (a[3] + b[3]))
+            radius, differ = a[3] * b[3] / (a[3] + b[3]), (b[3] - a[3]) / (a[3] + b[3])
             inverse, turning = inverse + b[7], turning + b[3] * b[3] * b[11]
         h = max(min(gap, later), radius * ROUGHNESS)
-        shear = 0.0
-        if film.dimensions == 3:
-            shear = sheared_spheres(film, size, np.log(SHEAR_CUT_OFF * film.cut_off / h))
+        if film.dimensions == 2:
+            shear = sheared_discs(film, h, radius)
+        else:
+            shear = sheared_spheres(film, radius, np.log(SHEAR_CUT_OFF * film.cut_off / h))
+        touch = max(gap, later) < 0.0  # all the time
         squeezing = 0.0 if touch else squeeze_resistance(film, h, radius)
-        most = max(most, max(squeezing * inverse, shear * (inverse + turning)))
+        most = max(most, max(squeezing * inverse, shear * shear_mobility(pumped(film), differ, inverse, turning)))
     return most

@@ -112,7 +112,7 @@ def turned(line, spin, half, dt, planar):
 
 
 @njit
-def finish(part, grain_cuts, grains, lines, lists, dt):
+def finish(part, grain_cuts, grains, lines, couples, lists, film, dt):
     """Second half: sums of the lines of each grain in the order of its contacts' ids, velocities at the step's end."""
     rows, forces, half = grains.row, grains.force, 0.5 * dt
     k = convert(F, lane_numbers(I))
@@ -120,7 +120,7 @@ def finish(part, grain_cuts, grains, lines, lists, dt):
     of_force, of_torque, of_power = k < 3.0, (k > 3.0) & (k < 7.0), select(k == 3.0, one, zero)
     at_v = select((k > 3.0) & (k < 7.0), one, zero)
     at_omega = select(of_force, one, zero)
-    grain, push, line = address_of(rows, 0), address_of(forces, 0), address_of(lines, 0)
+    grain, push, line, more = address_of(rows, 0), address_of(forces, 0), address_of(lines, 0), address_of(couples, 0)
     first, end = grain_cuts[part], grain_cuts[part + 1]
     last = lists.begins[end] - 1
     for i in range(first, end):
@@ -131,6 +131,8 @@ def finish(part, grain_cuts, grains, lines, lists, dt):
             sign, arm = 1.0 - 2.0 * (slot & 1), radius - lines[slot >> 1, 7]
             shares = select(of_force, splat(F, sign), select(of_torque, splat(F, arm), of_power))
             total = fma(load_at(F, line + 64 * (slot >> 1), 64), shares, total)
+            if film.cut_off > 0.0:
+                total = fma(load_at(F, more + 64 * (slot >> 1), 64), splat(F, sign * arm), total)
         change = exchange(total - load_at(F, push + 64 * i, 64), 4) * half
         a, b = load_at(F, grain + 128 * i, 64), load_at(F, grain + 128 * i + 64, 64)
         store_at(grain + 128 * i, fma(change, at_v * rows[i, 7], a), 64)

@@ -204,20 +204,19 @@ def sliding(world, pool, radius, gap, v, omega, *, planar=False, to_wall=False):
 
 @pytest.mark.parametrize("gap", [1e-4, 5e-3, 0.03, 0.067, 0.069, 0.09])
 def test_a_sheared_film_drags_along_and_turns(world, pool, gap):
-    """Force and torque of the sliding of the surfaces, at a plane with a quarter of what the other motion makes; equal
-    and opposite forces, and nothing beyond the cut-off."""
-    radius, v, omega = (0.11, 0.07), [[0.0] * 3, [0.3, -0.2, 0.0]], [[0.1, 0.5, 0.9], [0.4, -0.3, -0.8]]
-    along, turning = np.array(v[1]), np.cross(omega[1], [0, 0, -radius[1]])
-    slip = along + turning - np.cross(omega[0], [0, 0, radius[0]])
+    """Forces and torques of surfaces that slide past each other with s and of fluid that both carry along with p, from
+    any directions, at a plane too; equal and opposite forces, and nothing beyond the cut-off."""
+    (low, r), v, omega = (0.11, 0.07), [[0.0] * 3, [0.3, -0.2, 0.0]], [[0.1, 0.5, 0.9], [0.4, -0.3, -0.8]]
+    along, turning = np.array(v[1]), np.cross(omega[1], [0, 0, -r])
     for to_wall in (False, True):
-        scene, film = sliding(world, pool, radius, gap, v, omega, to_wall=to_wall)
+        scene, film = sliding(world, pool, (low, r), gap, v, omega, to_wall=to_wall)
         upper = scene.grains.columns["force"][list(scene.grains.ids).index(len(scene.grains.ids) - 1)]
-        resistance = film.shear_resistance(gap, *((radius[1],) if to_wall else radius))
-        force, lever = -resistance * slip, -resistance * slip
-        if to_wall:
-            force, lever = -resistance * (along + 0.25 * turning), -resistance * (0.25 * along + turning)
+        below = np.zeros(3) if to_wall else np.cross(omega[0], [0, 0, low])
+        d, reduced = (-1.0, r) if to_wall else ((r - low) / (r + low), r * low / (r + low))
+        resistance, s, p = film.shear_resistance(gap, reduced), along + turning - below, turning + below + d * along
+        force, lever = -resistance * (s + 0.6 * d * p), -resistance * (s + 0.6 * p)
         np.testing.assert_allclose(upper[:3], force, rtol=1e-7, atol=1e-15)
-        np.testing.assert_allclose(upper[4:7], np.cross([0, 0, -radius[1]], lever), rtol=1e-7, atol=1e-15)
+        np.testing.assert_allclose(upper[4:7], np.cross([0, 0, -r], lever), rtol=1e-7, atol=1e-15)
         assert np.any(upper) == (gap < 0.068)
         if not to_wall:
             np.testing.assert_array_equal(scene.grains.columns["force"][:, :3].sum(axis=0), 0.0)
@@ -225,7 +224,7 @@ def test_a_sheared_film_drags_along_and_turns(world, pool, gap):
 
 @pytest.mark.parametrize("planar", [False, True])
 def test_a_film_takes_energy_only(world, pool, planar):
-    """What spheres lose becomes heat; a film between discs is squeezed only."""
+    """What grains lose becomes heat."""
     if planar:
         v, omega = [[0.0, 0.02], [0.3, -0.02]], [[0.5], [-0.7]]
     else:

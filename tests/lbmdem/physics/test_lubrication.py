@@ -54,19 +54,47 @@ def test_units_by_powers_of_two_give_the_same_bits(dimensions):
     assert other.resistance(0.01 * 2.0**-20, 0.7 * 2.0**-20) == one.resistance(0.01, 0.7) * scale
 
 
-def test_shearing_of_spheres():
-    """The logarithms of Jeffrey & Onishi: 6 pi mu a times 1/6 for equal spheres, 8/15 at a plane."""
-    film = Film(2.0, 0.04, 3)
-    cut = 0.85 * 0.04
-    for gap in (0.001, 0.01, 0.029):
-        unit = 6 * np.pi * 2.0 * 0.5 * np.log(cut / gap)
-        assert film.shear_resistance(gap, 0.5, 0.5) == pytest.approx(unit / 6)
-        assert film.shear_resistance(gap, 0.5) == pytest.approx(unit * 8 / 15)
-        assert film.shear_resistance(gap, 0.5, 5e8) == pytest.approx(unit * 8 / 15)
-        assert film.shear_resistance(gap, 0.5, 0.2) == film.shear_resistance(gap, 0.2, 0.5)
-    assert film.shear_resistance(-1e-9, 0.5) == film.shear_resistance(0.5 * ROUGHNESS, 0.5)
-    assert film.shear_resistance(cut, 0.5) == 0.0
-    assert Film(2.0, 0.04, 2).shear_resistance(0.001, 0.5, 0.5) == 0.0
+VISCOSITY, CUT, SPEED = 0.5, 0.006, 1e-3
+RADII = [(0.05, 0.05), (0.05, 0.02), (0.03, 0.12)]
+
+
+def at_contact(world, pool, radii, gap, v, omega, floor=None):
+    """Forces [n, 8] of the films between grains that keep these velocities, one behind the other along x."""
+    d = len(v[0])
+    x = np.full((len(radii), d), 0.4)
+    x[:, 0] = 0.2 if floor is None else gap + radii[0]
+    x[1:, 0] += np.sum(radii) + gap
+    columns = grains(x, v=np.array(v), omega=np.array(omega), radius=np.array(radii))
+    columns["mass"][:], columns["inertia"][:] = 1e9, 1e9
+    film = Film(VISCOSITY, CUT, d)
+    walls = () if floor is None else (floor,)
+    scene = Dem(world, pool, box(world, (1.0,) * d), columns, ContactLaw(1e-3), walls, film=film)
+    scene.advance(1e-3, 1)
+    return scene.grains.columns["force"][np.argsort(scene.grains.ids[: len(radii)])]
+
+
+@pytest.mark.parametrize(("a", "b"), RADII)
+@pytest.mark.parametrize("gap", [1e-4, -1e-9])
+def test_films_of_spheres_of_any_radii_have_the_logarithms_of_jeffrey_and_onishi(world, pool, a, b, gap):
+    """Y^A, Y^B and Y^C of J. Fluid Mech. 139 (1984) 261, for a sphere that slides and one that turns beside another,
+    without friction; while they touch the gap is that of the roughness."""
+    ratio, r = b / a, a * b / (a + b)
+    log = np.log(0.85 * CUT / max(gap, ROUGHNESS * r))
+    known = {
+        "a": 4 / 15 * ratio * (2 + ratio + 2 * ratio**2) / (1 + ratio) ** 3 * 6 * np.pi * a,
+        "b": 1 / 5 * ratio * (4 + ratio) / (1 + ratio) ** 2 * 4 * np.pi * a**2,
+        "c11": 2 / 5 * ratio / (1 + ratio) * 8 * np.pi * a**3,
+        "c12": 4 / 5 * ratio**2 / (1 + ratio) ** 4 * np.pi * (a + b) ** 3,
+    }
+    known = {name: value * VISCOSITY * log * SPEED for name, value in known.items()}
+    still = [0.0, 0.0, 0.0]
+    slides = at_contact(world, pool, (a, b), gap, [[0.0, SPEED, 0.0], still], [still, still])
+    turns = at_contact(world, pool, (a, b), gap, [still, still], [[0.0, 0.0, SPEED], still])
+    assert slides[0, [1, 6]] == pytest.approx([-known["a"], -known["b"]], rel=1e-4)
+    assert turns[0, [1, 6]] == pytest.approx([-known["b"], -known["c11"]], rel=1e-4)
+    assert turns[1, [1, 6]] == pytest.approx([known["b"], -known["c12"]], rel=1e-4)
+    assert slides[:, 3] == pytest.approx(known["a"] * SPEED, rel=1e-4)  # each grain's half of the heat, twice
+    assert turns[:, 3] == pytest.approx(known["c11"] * SPEED, rel=1e-4)
 
 
 @pytest.mark.parametrize(("gap", "screen"), [(1e-3, False), (-1e-9, False), (-1e-9, True)])
@@ -94,6 +122,34 @@ def test_a_film_at_a_plane_tells_sliding_from_turning(world, pool, gap, screen):
         assert heat == pytest.approx(unit * (8 * slide**2 + 4 * slide * spin + 8 * spin**2), rel=1e-4)
         moved = found((slide + 2e-3, 0.0, 0.0), (0.0, -spin / radius, 0.0), 2e-3)
         assert moved == pytest.approx((force, torque, heat), rel=1e-4)
+
+
+def reynolds(gap, r, s, p):
+    """Heat of a film between discs whose surfaces slide with s and go with p / 2 in the mean, mu = 1: shear, and the
+    pressure that lets the same flow through everywhere and is the same on both sides."""
+
+    def over(power):
+        return quad(lambda x: (gap + x * x / (2 * r)) ** -power, -np.inf, np.inf, epsabs=0, limit=500)[0]
+
+    flow = 0.5 * p * over(2) / over(3)
+    return s * s * over(1) + 12 * (flow**2 * over(3) - flow * p * over(2) + 0.25 * p * p * over(1))
+
+
+@pytest.mark.parametrize(("a", "b"), [*RADII, (0.05, np.inf)])
+def test_films_of_discs_make_the_heat_of_reynolds_equation(world, pool, a, b):
+    """At a plane too; forces and torques give the grains' work to it."""
+    gap, plane = 1e-4, not np.isfinite(b)
+    r, d = (a, 1.0) if plane else (a * b / (a + b), (b - a) / (a + b))
+    floor = PlaneWall([0.0, 0.0], [1.0, 0.0]) if plane else None
+    for v, w in ((SPEED, 0.0), (0.0, SPEED / a), (SPEED, -2.0 * SPEED / a)):
+        still = [] if plane else [[0.0, 0.0]]
+        radii = (a,) if plane else (a, b)
+        lines = at_contact(world, pool, radii, gap, [[0.0, v], *still], [[w]] + [[0.0]] * len(still), floor)
+        side = -1.0 if plane else 1.0  # on which the other is
+        s, p = -(v + side * a * w), side * a * w - d * v
+        heat = VISCOSITY * (reynolds(gap, r, s, p) - reynolds(0.85 * CUT, r, s, p))
+        assert np.mean(lines[:, 3]) * (0.5 if plane else 1.0) == pytest.approx(heat, rel=1e-4)
+        assert -(lines[0, 1] * v + lines[0, 6] * w) == pytest.approx(heat, rel=1e-4)
 
 
 @pytest.mark.parametrize("dimensions", [2, 3])
