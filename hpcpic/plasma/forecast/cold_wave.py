@@ -30,26 +30,34 @@ from hpcpic.plasma.setup.macro_particles import macro_charge, macro_mass
 class Aliases:
     """gain: of m (wp dx)^2/2 a particle until wp t = 400, whatever the speed u that the wave gives it, in wp dx, up to
     FASTEST; it begins at wp t = onset/u, and is twice as much by 800. places: whether those of fewer than MANY_PLACES
-    in a cell along the wave gain more, as one over their root; not with TSC.
+    in a cell along the wave gain more, as one over their root; not with TSC. fold: wp t of an e-fold of the energy of
+    a wave of any u, where it begins at wp t = onset whatever the wave.
     """
 
     gain: float
     onset: float
     places: bool = True
+    fold: float = math.inf
 
-    def of_places(self, number: float) -> float:
-        """The gain of so many places in a cell along the wave."""
-        return self.gain * (math.sqrt(max(MANY_PLACES / number, 1.0)) if self.places else 1.0)
+    def until(self, time: float, speed: float, number: float) -> float:
+        """The gain until wp t = time by a wave of `speed`, wp dx, with so many places in a cell along it."""
+        if time * (speed if self.fold == math.inf else 1.0) <= self.onset:
+            return 0.0
+        gain = self.gain * (math.sqrt(max(MANY_PLACES / number, 1.0)) if self.places else 1.0)
+        if self.fold == math.inf:
+            return gain
+        return min(gain, 0.5 * speed**2 * FIRST * math.expm1(min(time / self.fold, 100.0)))  # of a wave: speed^2/2
 
 
 MANY_PLACES = 64.0  # those of the gains below
 # 1D, 64 points, 64 particles per cell at even places, wp dt = 0.2, waves of u = 0.02 to 3 and beams of 0.0003 to 0.1 of
 # the density; from 2 places in a cell on, and in 2D: docs/measured/plasma.md.
 ALIASES = {
-    ("NGP", "difference"): Aliases(0.2, 5.0), ("CIC", "difference"): Aliases(0.02, 20.0),
-    ("TSC", "difference"): Aliases(0.0045, 40.0, places=False), ("NGP", "spectral"): Aliases(0.2, 5.0),
+    ("NGP", "difference"): Aliases(0.2, 5.0, fold=7.5), ("CIC", "difference"): Aliases(0.02, 20.0),
+    ("TSC", "difference"): Aliases(0.0045, 40.0, places=False), ("NGP", "spectral"): Aliases(0.2, 5.0, fold=4.0),
     ("CIC", "spectral"): Aliases(0.06, 10.0), ("TSC", "spectral"): Aliases(0.05, 20.0, places=False),
 }  # fmt: skip
+FIRST = 0.2  # of the energy of a wave, that grows by e-folds (NGP, 16 to 128 points, u = 0.02 to 0.5)
 LEAST_MOVED = 0.5  # of the distance from one place to the next: a wave that moves its particles by less was not heated
 FASTEST = 3.0  # wp dx: no heating of faster motions was seen
 # A cold plasma that drifts as a whole, at any speed, gains GAIN of cold_drift from this wp t on, whatever its wave.
@@ -161,11 +169,12 @@ def heated(config: PlasmaConfig, species: Species, axis: int) -> Iterator[Heated
         waves += tuple(by_beams(config, species, axis))
         number = places(config, species)
         least = LEAST_MOVED * cell / number
-        grown = (one for one in waves if wp * (run - one.since) * one.speed > aliases.onset * cell)
-        seen = [one for one in grown if least < one.speed < FASTEST * cell]
+        seen = [one for one in waves if least < one.speed < FASTEST * cell]
         along = any(one.along for one in seen)
-        gains = [aliases.of_places(number if along else MANY_PLACES), ALIASES["TSC", "difference"].gain]
-        speed = max((one.speed for one in seen), default=0.0)
+        gain = max((aliases.until(wp * (run - one.since), one.speed / cell, number if along else MANY_PLACES)
+                    for one in seen), default=0.0)  # fmt: skip
+        gains = [gain, ALIASES["TSC", "difference"].gain]
+        speed = max((one.speed for one in seen if gain), default=0.0)
         energy, motion = wave_energy(config) + energy_of_motion(config), f"waves move it by {speed / cell:.2g} wp dx; "
         motion += "measured until wp t = 400; up to five times it later or on 32 points"
     else:

@@ -248,7 +248,8 @@ class LU:
 
         matrix = _matrix(operator, domain)
         if operator.singular:
-            matrix[0, 0] *= 1.25  # phi(0, 0) = 0, as by the 3 for 4 of 5.2.2, but the matrix stays definite
+            # phi(0, 0) = 0, as by the 3 for 4 of 5.2.2, but the matrix stays definite, and is no zero where n is 1
+            matrix[0, 0] = 1.25 * matrix[0, 0] or 1.0
         self._factors = splu(matrix.tocsc())
         self._world, self._operator, self._permittivity = world, operator, permittivity
         self._rows = slice(*domain.row_range(world.rank))

@@ -85,6 +85,26 @@ def test_a_wave_of_given_places_is_told_as_that_of_a_perturbation(modes, axes):
     assert found[2] is None
 
 
+def test_ngp_heats_any_wave_from_the_start(world):
+    """A wave of 0.05 wp dx had 50 times its energy at wp t = 40, where heating was told from 100 on."""
+    plane = ["simulation.space_length=[3.2, 3.2]", "grid.points=[32, 32]", "species[0].perturbation.mode=[1, 0]"]
+    sets = ["numerics.shape=NGP", *plane, "species[0].particles=16384", "species[0].perturbation.amplitude=0.06"]
+    number = told(WAVE, *sets, "simulation.cycles=100")
+    with running(world, "hpcpic", configure(loads(WAVE, sets=[*sets, "simulation.cycles=100"]))) as app:
+        before = app.scalars()["energy_total"]
+        for _ in range(app.n_steps):
+            app.step()
+        grown = app.scalars()["energy_total"] / before - 1
+    assert number.verdict == "warn" and grown > 1 and 0.5 < number.value / grown < 2.0
+    line = ["numerics.shape=NGP", amplitude(0.05)]
+    found = [told(WAVE, *line, f"simulation.cycles={n}").value for n in (50, 100, 150, 200, 1000)]
+    runs = (0.7, 2.0, 18.8, 72.0, 230.0)  # measured
+    assert (
+        all(0.4 < one / run < 2.0 for one, run in zip(found, runs))
+        and told(WAVE, *line, "simulation.cycles=20") is None
+    )
+
+
 def test_its_cures_pass_and_where_nothing_is_heated_nothing_is_told():
     one = r"(\S+ = \S+)"
     ways = re.match(rf"{one} \(0.009 of it\), or {one}, or {one}, or a spread", told(WAVE, amplitude(1.0)).cure)

@@ -68,7 +68,7 @@ def test_solution_satisfies_the_difference_equation(alone, kind, operator, point
 
 @pytest.mark.parametrize("lengths", [(1.0, 1.0, 1.0), (0.3, 2.5, 0.7)])
 @pytest.mark.parametrize("operator", [Operator(), GENERAL])
-@pytest.mark.parametrize("points", [*SHAPES, (64, 48)])
+@pytest.mark.parametrize("points", [*SHAPES, (64, 48), (1,), (1, 1)])
 def test_lu_and_mft_agree(alone, lengths, operator, points):
     place, rho = domain(points, lengths[: len(points)]), charge(points)
     phi, _ = solved(MFT, alone, place, rho, operator=operator)
