@@ -75,3 +75,50 @@ def test_liquids_of_one_density_have_no_such_waves():
 def test_a_perfect_lattice_at_an_interface_that_moves_is_told(made, tells):
     rows = [row for name, row in told(**made).items() if name.startswith("disorder of")]
     assert len(rows) == 2 * tells and all(row.verdict == "warn" and row.cure == "disorder = 0.1" for row in rows)
+
+
+def lock(densities=(1050.0, 1000.0), height=0.2, gap=0.0, turned=False, **numerics):
+    """The row of a front in a closed box of two liquids beside each other, if there is one; turned: along y."""
+    low, middle, high = [0.0, 0.0], [1.0, height], [2.0 + gap, height]
+    corners = ((low, middle), ([1.0 + gap, 0.0], high), (low, high))
+    boxes = [
+        {"box": dict(zip(("low", "high"), (one[::-1], other[::-1]) if turned else (one, other)))}
+        for one, other in corners
+    ]
+    case = sph.Case(
+        simulation={"end_time": 1.0}, gravity=[-G, 0.0] if turned else [0.0, -G],
+        numerics={"spacing": 0.01, **numerics},
+        fluid=[{"name": name, "density": density, "disorder": 0.1, "shape": box}
+               for name, density, box in zip(("heavy", "light"), densities, boxes)],
+        wall=[{"shape": boxes[2]}],
+    )  # fmt: skip
+    found = [row for row in case.check().rows if "front of" in row.name]
+    assert len(found) <= 1
+    return found[0] if found else None
+
+
+@pytest.mark.parametrize("smoothing, part", [(1.5, 0.014), (2.0, 0.0031)])
+@pytest.mark.parametrize(
+    "made", [{}, {"densities": (1250.0, 1000.0)}, {"densities": (1000.0, 1050.0)}, {"turned": True}]
+)
+def test_a_front_is_held_back_by_pressed_particles_and_by_artificial_viscosity(made, smoothing, part):
+    """0.75 s p / (g (rho1 - rho2) H), and 25 / Re, Re of sqrt(g' H)."""
+    heavy, light = sorted(made.get("densities", (1050.0, 1000.0)), reverse=True)
+    rubbed = 0.75 * part * heavy / (heavy - light)
+    bare = lock(**made, smoothing=smoothing, viscosity_form="none")
+    assert bare.value == pytest.approx(rubbed, rel=0.02) and (bare.verdict == "warn") == (rubbed > MOST)
+    speed = math.sqrt(2 * (heavy - light) / (heavy + light) * G * 0.2)
+    nu = 0.02 * 10 * math.sqrt(2 * G * 0.2) * smoothing * 0.01 / 16
+    assert lock(**made, smoothing=smoothing).value == pytest.approx(rubbed + 25 * nu / (speed * 0.2), rel=0.02)
+
+
+def test_the_cure_of_a_front_is_one():
+    row = lock()
+    assert row.verdict == "warn" and row.cure == 'smoothing = 2.0 with viscosity_form = "none"'
+    assert lock(smoothing=2.0, viscosity_form="none").verdict == "ok"
+
+
+@pytest.mark.parametrize("made", [{"densities": (1000.0, 1000.0)}, {"gap": 0.1}])
+def test_no_front_without_two_densities_that_meet(made):
+    assert lock(**made) is None
+    assert not [name for name in told(wave=0.0) if "front of" in name]  # one lies on the other
