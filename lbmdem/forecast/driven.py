@@ -1,5 +1,5 @@
-"""What body forces, shaking and pressure faces make of a fluid: how fast it gets, and when it is steady past grains
-that stay."""
+"""What body forces, shaking and pressure faces make of a fluid: how fast it gets, how it slips along walls, and when it
+is steady past grains that stay."""
 
 import math
 from collections.abc import Iterator
@@ -9,16 +9,20 @@ import numpy as np
 
 from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived, judged, rounded_down
+from lbmdem.case.boundaries import ends_between_planes
 from lbmdem.case.config import AXES, LbmDemConfig, seeps, whole_spacing
 from lbmdem.forecast.free_fall import PEAK, speed_through, stays, terminal_speed
 from lbmdem.forecast.piles import lies
 from lbmdem.forecast.pressures import between
-from lbmdem.forecast.relaxation import SPACING, other_collision, slower
+from lbmdem.forecast.relaxation import SPACING, other_collision, slower, walled
+from lbmdem.physics.collision import COLLISIONS
 from lbmdem.physics.velocity_sets import CS2
 
 # Grid Reynolds number, by the largest speed that is told, up to which a flow through a packing holds, and one that
 # diverges: 12 spheres of 8 and 16 nodes, porosity 0.4, TRT; BGK has half of it past a cylinder
 THROUGH_GRAINS = {"TRT": (24.0, 49.0), "BGK": (12.0, 24.0)}
+HALF_WAY = 3.0 / 16.0  # product of the relaxation times with which walls lie half-way
+MOST_SLIP, SOME_NODES = 0.005, 16.0  # of the largest velocity; of a channel where the case has none
 
 
 def driven(config: LbmDemConfig) -> Iterator[Derived]:
@@ -61,6 +65,31 @@ def driven(config: LbmDemConfig) -> Iterator[Derived]:
             limit=f"<= {best:g}", source=f"measured in a packing: {best:g} holds, {diverges:g} diverges",
             cure=f"{by.cure}, or {other_collision(config)}", key=SPACING,
         )  # fmt: skip
+
+
+def slip(config: LbmDemConfig) -> Iterator[Derived]:
+    """Velocity of the fluid at walls over the largest one of the narrowest channel that the case drives a flow through,
+    where walls do not lie half-way; of another scene with solids that of a channel of 16 nodes, if it matters."""
+    fluid, scheme = config.liquid, COLLISIONS[config.liquid.collision]
+    product = scheme.product(config.tau, fluid.magic) if scheme.product else HALF_WAY
+    solids = walled(config) or config.grains or config.obstacle
+    if not solids or abs(product / HALF_WAY - 1.0) < 1e-6:
+        return
+    lows, highs = ends_between_planes(config.domain.size, config.obstacle)
+    through = {AXES.index(along) for along, push, _, _ in pushes(config) if push is not SHAKEN}
+    through |= {AXES.index(face.face[0]) for face in config.boundary if face.type == "velocity"}
+    widths = [highs[k] - lows[k] for along in through for k in config.walled(along) if AXES[along] in config.unwalled]
+    nodes = min(widths, default=SOME_NODES * config.spacing) / config.spacing
+    share = (16.0 * product - 3.0) / (3.0 * max(nodes, 1.0) ** 2)
+    if not widths and abs(share) <= MOST_SLIP:
+        return
+    cure = "magic = 0.1875 puts them there" if scheme.magic else 'collision = "TRT" puts them there'
+    yield judged(
+        "slip of the walls", "u_w/U", share, ok=abs(share) <= MOST_SLIP, legal=True, limit=f"within {MOST_SLIP:.1%}",
+        source=f"(16 L - 3)/(3 H2), L = {product:.3g}, H = {nodes:.3g} nodes; Ginzburg & d'Humieres 2003",
+        cure=f"walls do not lie half-way between nodes: {cure} at any tau; it falls with the square of the spacing",
+        key=("fluid", "magic" if scheme.magic else "collision"),
+    )  # fmt: skip
 
 
 def weight(config: LbmDemConfig) -> Iterator[Derived]:

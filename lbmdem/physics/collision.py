@@ -28,15 +28,15 @@ class Scheme:
 
     text(lattice, forced): its lines after the moments. magic: whether odd populations have a rate of their own, from
     (tau - 1/2)(1/odd rate - 1/2). grid_reynolds: the largest U dx/nu of an under-resolved doubly periodic shear layer
-    that stays finite, measured. slips: whether the place of walls depends on tau. dearer: whether a sweep takes longer,
-    by the share "central" of the rates of a machine.
+    that stays finite, measured. product(tau, magic): that of these, which says where walls lie: half-way at 3/16; None
+    where it is not known. dearer: whether a sweep takes longer, by the share "central" of the rates of a machine.
     """
 
     name: str
     text: Callable[[Lattice, bool], list[str]]
     magic: bool = False
     grid_reynolds: float = math.inf
-    slips: bool = False
+    product: Callable[[float, float], float] | None = None
     dearer: bool = False
 
 
@@ -233,8 +233,8 @@ HOLDS = ", but holds back what flows through gaps of a few nodes"  # and beside 
 COLLISIONS = {
     scheme.name: scheme
     for scheme in (
-        Scheme("BGK", _two_rates, grid_reynolds=160.0, slips=True),
-        Scheme("TRT", _two_rates, magic=True, grid_reynolds=43.0),
-        Scheme("central", _central, dearer=True),
+        Scheme("BGK", _two_rates, grid_reynolds=160.0, product=lambda tau, magic: (tau - 0.5) ** 2),
+        Scheme("TRT", _two_rates, magic=True, grid_reynolds=43.0, product=lambda tau, magic: magic),
+        Scheme("central", _central, dearer=True, product=lambda tau, magic: 0.5 * (tau - 0.5)),
     )
 }
