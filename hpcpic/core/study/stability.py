@@ -141,7 +141,7 @@ def tell(limits: Limits, axis: Axis, limit: Limit, rates: list[tuple[float, floa
             f"            what grows does so at any {knob.name} tried: see `check`; a calmer scene shows the limit"
         )
     tell_tried(axis, limit)
-    if rates:
+    if any(rate > 0.0 for _, rate in rates):  # none of what diverges without growth before
         click.echo("slow growth, no limit; rate of growth:" if limit.slow else "rate of growth:")
         table((with_unit(knob), "1/s"), [(shown(knob.shown(s)), shown(rate, ".3g")) for s, rate in rates])
 
@@ -233,14 +233,16 @@ def draw_map(limits: Limits, first: Knob, second: Knob, folder: Path) -> None:
     ]
     cells = [[*(shown(value) for value in row[:-1]), row[-1]] for row in rows]
     measured = f"measured, {first.unit}" if first.unit else "measured"
-    table((with_unit(second), "theory's limit", measured, "measured/theory", "found by"), cells)
-    names = ("second", "theory", "measured", "ratio", "found_by")
+    theory = columns[0][1].number is not None
+    beside = ("theory's limit", measured, "measured/theory") if theory else ("the case's", measured, "measured/case's")
+    table((with_unit(second), *beside, "found by"), cells)
+    names = ("second", "theory" if theory else "here", "measured", "ratio", "found_by")
     found = {"first": first.name, "over": second.name, "columns": [dict(zip(names, row)) for row in rows]}
     write_json(folder / "map.json", found)
     limited = [row for row in rows if math.isfinite(row[2])]
     if not limited:
         raise CheckFailed(f"no limit of {first.name} was found at any {second.name}: there is nothing to draw")
-    save(map_figure(limits, first, second, limited, columns[0][1].number is not None), folder / "map.png")
+    save(map_figure(limits, first, second, limited, theory), folder / "map.png")
     click.echo(f"map: {folder / 'map.png'}, {folder / 'map.json'}")
 
 

@@ -150,3 +150,11 @@ def test_a_map_tells_the_limit_that_stability_tells(program, tmp_path, monkeypat
     (column,) = read_json(tmp_path / "out/map.json")["columns"]
     assert column["ratio"] == pytest.approx(1.0, abs=0.05)
     assert column["found_by"] == "runs four times as long"
+
+
+def test_a_map_of_what_has_no_theory_names_none(program, tmp_path, monkeypatch):  # noqa: F811
+    """Its columns were headed as limits of theory, which were the case's own sizes."""
+    monkeypatch.setattr(bisection, "COLUMNS", (1.0,))
+    done = program("stability", "--map", "dx,dt", "-o", "out", steps=40)
+    assert "the case's" in done.stdout and "theory" not in done.stdout
+    assert read_json(tmp_path / "out/map.json")["columns"][0]["here"] == pytest.approx(0.1)
