@@ -13,7 +13,7 @@ from hpcpic.plasma.forecast.scales import (
     thermal_velocities,
     total_plasma_frequency,
 )
-from hpcpic.plasma.setup.loaders import Loader, loader_of, random_places
+from hpcpic.plasma.setup.loaders import Loader, Quiet, loader_of, random_places
 from hpcpic.plasma.setup.macro_particles import macro_charge, macro_mass
 from hpcpic.plasma.sizes import WHOLE_BITS
 
@@ -22,6 +22,10 @@ from hpcpic.plasma.sizes import WHOLE_BITS
 MIN_PER_DEBYE = 10.0
 # Noise has random phases: that of its amplitude is above 3 times its root mean square in one start of exp(9) = 8000.
 MIN_OVER_NOISE = 3.0
+# A quiet start has no noise at t = 0. Later, at tau = k v t, the amplitude of a wave of m lengths in the box is up to
+# some ALONG_X m tau/N along x, where places are even, and ELSEWHERE m tau/N with a part along y or z, which are as
+# velocities in digit-reversed order: N of 1024 to 262 144, tau until 10.
+ALONG_X, ELSEWHERE = 1.0, 3.0
 MIN_PARTS = 20.0  # of a cell, 2^-20 each, that a wave moves a cold species in a step
 MAX_START_NOISE = 0.5  # field of a random start over heat, in 1D: with more, seeds differ in heating by more than 2
 BALLS = {1: ("length", 1.0), 2: ("circle", math.pi), 3: ("sphere", 4 / 3 * math.pi)}  # by axes, of radius 1
@@ -118,6 +122,18 @@ def noise_over_wave(config: PlasmaConfig, mode: tuple[int, ...]) -> float:
         shield += (plasma_frequency(config, species) / spread) ** 2 if spread else 0.0
     left = noise / (1 + shield / size**2)
     return math.sqrt(left) / abs(wave) if wave else math.inf if left else 0.0
+
+
+def quiet_noise_over_wave(config: PlasmaConfig, species: Species, mode: tuple[int, ...], k: float) -> float:
+    """The amplitude of a mode that a warm species comes to have by a quiet start, over that of the wave that it starts
+    with there, per second; 0 of other starts.
+    """
+    wave = species.perturbation
+    if type(loader_of(species)) is not Quiet or not wave or mode not in (wave.mode, tuple(-n for n in wave.mode)):
+        return 0.0
+    lengths = (ELSEWHERE if any(mode[1:]) else ALONG_X) * math.hypot(*mode)
+    speed = max(thermal_velocities(config, species))
+    return lengths * k * speed / (species.particles * started_amplitude(config, species)) if species.particles else 0.0
 
 
 def started_amplitude(config: PlasmaConfig, species: Species) -> float:

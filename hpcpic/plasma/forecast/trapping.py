@@ -8,7 +8,13 @@ from collections.abc import Iterator
 from hpcpic.core.case.derived import Derived, judged
 from hpcpic.plasma.case.config import Equation, PlasmaConfig
 from hpcpic.plasma.forecast.cold_wave import started_fields
-from hpcpic.plasma.forecast.noise import even_places, more_particles, noise_over_wave
+from hpcpic.plasma.forecast.noise import (
+    MIN_OVER_NOISE,
+    even_places,
+    more_particles,
+    noise_over_wave,
+    quiet_noise_over_wave,
+)
 from hpcpic.plasma.forecast.scales import plasma_frequency, total_plasma_frequency
 from hpcpic.plasma.setup.loaders import loader_of
 
@@ -21,8 +27,8 @@ LANDAU = (-1.8222, -11.9069, 68.339, -91.273)
 
 def trapping(config: PlasmaConfig) -> Iterator[Derived]:
     """The bounce frequency of particles in each wave that the case starts over Landau's rate, of one warm species at
-    rest, and when the noise of random places is left of it. A standing wave is two running ones of half the field. Not
-    told in a magnetic field, nor of another field equation.
+    rest, and when the noise of random places, or of a quiet start, is left of it. A standing wave is two running ones
+    of half the field. Not told in a magnetic field, nor of another field equation.
     """
     total = total_plasma_frequency(config)
     if not total or any(config.field.magnetic) or config.field.equation != Equation():
@@ -48,12 +54,29 @@ def trapping(config: PlasmaConfig) -> Iterator[Derived]:
             f"bounce of {species.name} in the wave over its damping", "wB/gamma", bounce / rate,
             source=f"O'Neil 1965: above 1 damping is not Landau's and ends by 2 pi/wB = {2 * math.pi / bounce:.3g} s",
         )  # fmt: skip
+        end = abs(config.simulation.time_step) * config.simulation.cycles
         if 0 < (noise := noise_over_wave(config, mode)) < 1:
-            end = abs(config.simulation.time_step) * config.simulation.cycles
-            seen, needed = -math.log(noise) / rate, (noise * math.exp(min(rate * end, 300.0))) ** 2
-            yield judged(
-                f"wave of {species.name} damped into the noise", "t/T", seen / end if end else math.inf, limit=">= 1",
-                ok=seen >= end, legal=True, source=f"Landau damping at {rate:.3g}/s ends there at t = {seen:.3g} s",
-                cure=", or ".join(filter(None, [*even_places(i, species), more_particles(i, species, needed)])),
-                key=("species", i, "init_method"),
-            )  # fmt: skip
+            ways, seen, needed = even_places(i, species), -math.log(noise) / rate, (noise * grown(rate * end)) ** 2
+            source = f"Landau damping at {rate:.3g}/s ends there at t = {seen:.3g} s"
+        elif rising := quiet_noise_over_wave(config, species, mode, k) * MIN_OVER_NOISE:
+            ways, seen, needed = [], meeting(rate, rising), rising * end * grown(rate * end)
+            source = f"{MIN_OVER_NOISE:g} times that of a quiet start, which rises: until t = {seen:.3g} s, measured"
+        else:
+            continue
+        yield judged(
+            f"wave of {species.name} damped into the noise", "t/T", seen / end if end else math.inf, limit=">= 1",
+            ok=seen >= end, legal=True, source=source, key=("species", i, "init_method"),
+            cure=", or ".join(filter(None, [*ways, more_particles(i, species, needed)])) or "a larger amplitude",
+        )  # fmt: skip
+
+
+def grown(folds: float) -> float:
+    return math.exp(min(folds, 300.0))
+
+
+def meeting(rate: float, rising: float) -> float:
+    """The time t of exp(-rate t) = rising t, by Newton's method for w exp(w) = rate/rising, w = rate t."""
+    w = math.log1p(rate / rising)
+    for _ in range(20):
+        w -= (w - rate / rising * math.exp(-w)) / (1.0 + w)
+    return w / rate

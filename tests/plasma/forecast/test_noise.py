@@ -9,9 +9,11 @@ from app_runner import running
 from hpcpic.core.case.config import loads
 from hpcpic.core.case.derived import Derived
 from hpcpic.core.comm.world import World
+from hpcpic.core.space.rng import normal_quantile
 from hpcpic.plasma.configure import configure
 from hpcpic.plasma.forecast.derived import derived
-from hpcpic.plasma.forecast.noise import noise_over_wave, start_noise
+from hpcpic.plasma.forecast.noise import ALONG_X, ELSEWHERE, noise_over_wave, start_noise
+from hpcpic.plasma.physics.quiet_start import radical_inverse
 
 FEW = """
 simulation = { cycles = 400; time_step = 0.05; space_length = [12.566370614359172]; };
@@ -178,3 +180,34 @@ def test_a_wave_is_damped_into_the_noise_of_random_places_when_told():
     for cure in ['species[0].init_method="quiet"', f"species[0].particles={found.cure.split()[-1]}"]:
         cured = {one.name: one for one in derived(configure(loads(DAMPED, sets=[cure])))}
         assert found.name not in cured or cured[found.name].verdict == "ok"
+
+
+@pytest.mark.parametrize(
+    "bases, bound", [((1, 2), ALONG_X), ((1, 5), ALONG_X), ((2, 5), ELSEWHERE), ((3, 11), ELSEWHERE)]
+)
+@pytest.mark.parametrize("n, m", [(1024, 1), (4096, 4), (30000, 1)])
+def test_the_noise_of_a_quiet_start_rises_as_told(bases, bound, n, m):
+    """2/N |sum of exp(-i (k.x + k v t))| of free particles at even places (base 1) or in digit-reversed order."""
+    x, v = ((np.arange(n) + 0.5) / n if base == 1 else radical_inverse(np.arange(n), base, n) for base in bases)
+    tau = np.linspace(3.0, 10.0, 15)[:, None]
+    wave = 2 * np.abs(np.exp(-1j * (2 * np.pi * m * x + normal_quantile(v) * tau)).mean(axis=1))
+    told = bound * m * tau[:, 0] / n
+    assert 0.1 < np.sqrt(np.mean((wave / told) ** 2)) < 1.3
+
+
+@pytest.mark.parametrize("n, right", [(1024, False), (65536, True)])
+def test_a_quiet_wave_that_is_damped_into_its_noise_is_warned_of(n, right, world: World):
+    """1024 quiet particles let a wave grow that Landau damps by exp(-1.8), with every verdict ok."""
+    text, sets = DAMPED, [f"species[0].particles={n}", "species[0].init_method=quiet", "simulation.cycles=240"]
+    found = {one.name: one for one in derived(configure(loads(text, sets=sets)))}["wave of e damped into the noise"]
+    assert found.verdict == ("ok" if right else "warn")
+    with running(world, "hpcpic", configure(loads(text, sets=sets))) as app:
+        wave = [abs(app.scalars()["mode_1"])]
+        for _ in range(app.n_steps):
+            app.step()
+            wave.append(abs(app.scalars()["mode_1"]))
+    tops = [max(wave[start : start + 50]) for start in (46, 176)]  # a swing each, of 44 steps, 6.5 s apart
+    assert (abs(math.log(tops[1] / tops[0]) / 6.5 + 0.1534) < 0.02) == right
+    if not right:
+        more = [*sets, f"species[0].particles={found.cure.split()[-1]}"]
+        assert {one.name: one for one in derived(configure(loads(text, sets=more)))}[found.name].verdict == "ok"
