@@ -51,6 +51,12 @@ class Shape(Section):
         return given[0] if len(given) == 1 else ""
 
     @property
+    def radius(self) -> float:
+        """Radius of a ball or a cylinder, m; 0 of other shapes."""
+        found = self.sphere or self.cylinder
+        return found.radius if found else 0.0
+
+    @property
     def dimensions(self) -> int:
         """Components of its points; 0 where it has none."""
         points = self.box and self.box.low, self.sphere and self.sphere.centre, self.cylinder and self.cylinder.base

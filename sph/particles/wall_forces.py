@@ -1,7 +1,8 @@
 """The force of the fluid on walls, and its integral over time. In a corner walls share it (see wall_corners).
 
 Pair forces along v_ij give the traction mu dv/dn, without mu (grad v)^T n. On the surface of a body that turns at w and
-to which fluid sticks that part is - mu w x n: all around it no force, and a torque of - 2 mu w V.
+to which fluid sticks that part is - mu w x n: all around it no force, and a torque of - 2 mu w V. As they are not along
+their line, such a pair takes hold midway between its particles, at the surface, not at the particle of the wall.
 """
 
 import numpy as np
@@ -18,6 +19,7 @@ from sph.particles.slabs import Slabs
 from sph.particles.storage import Slots, Storage
 from sph.particles.wall_corners import WallCorners
 from sph.particles.walls import Walls
+from sph.setup.rigid.rings import is_round
 from sph.setup.scene import Wall
 from sph.setup.signed_distance import signed_distance
 
@@ -34,6 +36,8 @@ class WallForces:
         self.measured = [wall for wall in walls.scene.walls if wall.measure_force]
         self.impulses = np.zeros((len(walls.scene.walls), 4))
         self._surfaces = {wall.index: surface(wall) for wall in self.measured if wall.rigid and not wall.rule.slips}
+        sticks = sums.spec.viscosity.laplacian
+        self._levers = {wall.index for wall in self.measured if sticks and not wall.rule.slips and is_smooth(wall)}
         self._corners = WallCorners(walls)
 
     def largest_impulse(self, time: float) -> float:
@@ -74,6 +78,10 @@ class WallForces:
         if wall.rigid:
             length = (scene.high - scene.low)[:, None]
             arm[:d] -= np.where(scene.periodic[:, None], length * np.rint(arm[:d] / length), 0.0)
+        if wall.index in self._levers:
+            middle = np.zeros(d) if wall.rigid else np.array(geometry.middle(wall.shape)) - about
+            way = np.where(wall.through[:, None], 0.0, arm[:d] - middle[:, None])
+            arm[:d] += (wall.shape.radius / np.sqrt(np.sum(way * way, axis=0)) - 1.0) * way
         return arm
 
     def _in_corners(self) -> tuple[Slots, NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
@@ -131,6 +139,13 @@ class WallForces:
                 force = forces[wall.name][0]
                 parts = [float(np.sqrt(np.sum(force * force))), *force]
                 self.impulses[wall.index, : len(parts)] += np.array(parts) * dt
+
+
+def is_smooth(wall: Wall) -> bool:
+    """True of walls with particles that have no edge: discs, balls, and cylinders through a period. Pressure, which is
+    along the normal, has the same lever there at a particle and at the surface before it.
+    """
+    return wall.rule.layered and is_round(wall) and bool(wall.shape.sphere or wall.through.any())
 
 
 def surface(wall: Wall) -> NDArray[np.int64]:

@@ -243,7 +243,9 @@ def test_how_light_a_body_may_be(density, verdict):
 
 
 def turning_disc(density=1000.0, kind="extrapolated-no-slip", form="morris", fill=1.0, make=text, **settings):
-    """The torque of the fluid on a disc that turns at 3 rad/s, that of its pair forces, and 2 mu w V."""
+    """The torque of the fluid on a disc that turns at 3 rad/s, that of its pair forces, which take hold at its surface
+    if they are not along their line, and 2 mu w V.
+    """
     disc = body("sphere = { centre = [0.5, 0.5]; radius = 0.25; };", more="angular_velocity = [3.0];",
                 kind=f'type = "{kind}";')  # fmt: skip
     case = make(spacing=0.05, fill=fill, gravity=(0.0, 0.0), pressure="zero", more=bodies(disc), form=form,
@@ -256,6 +258,7 @@ def turning_disc(density=1000.0, kind="extrapolated-no-slip", form="morris", fil
     pairs, x = np.zeros((2, len(own))), sph.storage.physical("x", own).T - 0.5
     pairs[axes] = sph.sums.forces_on(own)
     np.testing.assert_allclose(force, pairs.sum(axis=1), atol=1e-9)
+    x *= 0.25 / np.sqrt(np.sum(x * x, axis=0)) if form == "morris" else 1.0
     return torque[2], float(np.sum(x[0] * pairs[1] - x[1] * pairs[0])), 2 * 4.0 * 3.0 * np.pi * 0.25**2
 
 
@@ -274,10 +277,11 @@ def test_pairs_that_push_along_their_line_miss_no_torque(settings):
     assert torque == pytest.approx(pairs, abs=1e-9 * whole)
 
 
-@pytest.mark.parametrize(("d", "form", "most"), [(2, "morris", 0.15), (2, "full-stress", 0.1), (3, "morris", 0.3)])
+@pytest.mark.parametrize(("d", "form", "most"), [(2, "morris", 0.03), (2, "full-stress", 0.1), (3, "morris", 0.2)])
 def test_fluid_that_turns_with_a_body_feels_none_of_its_friction(d, form, most):
-    """The torque over 2 mu w V: 0 by theory. Measured -0.07 and 0.04 with 10 spacings of radius, in space -0.28 with 5;
-    0.7, 0.8 and 0.4 where the velocity of the wall is that of its particles, below the surface.
+    """The torque over 2 mu w V: 0 by theory. Measured -0.004 and 0.04 with 10 spacings of radius, in space -0.14
+    with 5; -0.06, 0.04 and -0.24 where friction takes hold at the particles of the body, below its surface; 0.7, 0.8
+    and 0.4 where the velocity of the wall is theirs too.
     """
     w = np.array([0.0, 0.0, 2.0] if d == 2 else [1.0, -2.0, 1.5])
     turns = np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])[:d, :d]
