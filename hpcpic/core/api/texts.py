@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -94,6 +95,8 @@ def _holds_arrays(key: str) -> bool:
 def _plain(value: Any, key: str) -> bool | int | float | str:
     if isinstance(value, np.generic):
         value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ConfigError(f"{key}: must be a finite number (got {value})")
     if isinstance(value, bool | int | float | str):
         return value
     cure = "; to leave a key out make the case anew, or give the whole list that it is in" if value is None else ""

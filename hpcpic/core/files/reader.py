@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from hpcpic.core.case.config import loads
 from hpcpic.core.errors import FileError
 from hpcpic.core.files.arrays import PARTICLE_UNITS
+from hpcpic.core.files.histograms import FILE as HISTOGRAMS
 from hpcpic.core.files.histograms import Histogram, read_histogram
 from hpcpic.core.files.parts import parts_of
 from hpcpic.core.files.rundir import RunDir
@@ -271,6 +272,8 @@ class Run:
 
     def histogram(self, name: str) -> Histogram:
         """A histogram in time, by the name that the case gives it."""
+        if not (self.path / HISTOGRAMS).exists():
+            raise FileError(f"{self.path}: no {HISTOGRAMS}: the run has none; `histogram` of its case asks for them")
         return read_histogram(self.path, name)
 
     def field(self, name: str, step: int | None = None, time: float | None = None) -> NDArray:

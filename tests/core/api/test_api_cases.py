@@ -66,6 +66,7 @@ def test_a_group_changes_as_its_keys_do_and_as_the_command_line_does(case, neste
         (lambda: sph.Case(simulation={"dimensions": 2}), "simulation.end_time: missing"),
         (lambda: sph.Case(fluid=[{"shpe": 1}]), r"sph.Case: fluid\[0\].shpe: unknown key; did you mean 'shape'"),
         (lambda: sph.Case(gravity=[0.0, {1, 2}]), r"gravity\[1\]: a case holds numbers"),
+        (lambda: sph.Case(gravity=[0.0, float("inf")]), r"gravity\[1\]: must be a finite number \(got inf\)"),
         (lambda: sph.Case(), "a case is made of"),
         (lambda: sph.Case({"simulation": {"dimensions": 2}}), "takes its sections by name"),
     ],

@@ -358,6 +358,7 @@ def test_a_run_is_arrays(tmp_path: Path) -> None:
         (lambda: run.field("phi"), "no array phi; there are E, rho"),
         (lambda: run.field("rho", step=5), "no step 5; there are 0, 10, 20"),
         (lambda: run.particles("dust"), "no species dust; there are ions, electrons"),
+        (lambda: run.histogram("fv"), "no histograms.h5: the run has none; `histogram` of its case asks for them"),
         (lambda: run.series, r"series.h5: no such file yet: the run has not come to its first sample"),
     ]:
         with pytest.raises(FileError, match=why):
