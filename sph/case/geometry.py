@@ -57,6 +57,18 @@ def middle(shape: Shape) -> Point:
     return tuple((a + b) / 2 for a, b in zip(*bounds(shape)))
 
 
+def joined(shape: Shape, others: Sequence[Shape], least: float) -> tuple[Point, Point]:
+    """The box around a shape; of a polygon, around it and all others whose boxes overlap that by more than a least
+    length along each axis, so that what goes on beyond a side that slopes lies on one lattice.
+    """
+    low, high = bounds(shape)
+    for _ in others if shape.polygon else ():
+        for a, b in map(bounds, others):
+            if all(min(q, d) - max(p, c) > least for p, q, c, d in zip(low, high, a, b)):
+                low, high = tuple(map(min, low, a)), tuple(map(max, high, b))
+    return low, high
+
+
 def apart(low: Point, high: Point, a: Point, b: Point) -> float:
     """How far a box from low to high is from one from a to b, m."""
     return math.hypot(*(max(0.0, p - d, c - q) for p, q, c, d in zip(low, high, a, b)))

@@ -35,12 +35,19 @@ def interfaces(config: SphConfig, scene: Scene) -> Iterator[Derived]:
             yield slowed(scene, heavy, light, height)
     for (i, lower), (j, upper) in itertools.permutations(liquids, 2) if len(pulls) == 1 else ():
         gap, length = heights(scene, upper)[0] - heights(scene, lower)[1], longest(scene, lower, upper)
-        if lower.density == upper.density or abs(gap) > scene.spacing / 2 or length <= 0.0:
+        slopes = gap < -scene.spacing / 2  # by so much, or one is carved out of the other
+        if lower.density == upper.density or gap > scene.spacing / 2 or length <= 0.0 or not over(scene, lower, upper):
             continue
         if not config.numerics.gradient_correction:
             yield held_back(scene, lower, upper, length)
-        if upper.density > lower.density or swings(lower) or swings(upper):
+        if upper.density > lower.density or swings(lower) or swings(upper) or slopes:
             yield from (stiff(fluid, k) for k, fluid in ((i, lower), (j, upper)) if not fluid.disorder)
+
+
+def over(scene: Scene, lower: Fluid, upper: Fluid) -> bool:
+    """If bottom and top of one liquid lie higher than those of the other, its bottom nearer to that one's top."""
+    (low, high), (first, last) = heights(scene, lower), heights(scene, upper)
+    return low < first and high < last and high - first < 0.5 * min(high - low, last - first)
 
 
 def held_back(scene: Scene, lower: Fluid, upper: Fluid, length: float) -> Derived:

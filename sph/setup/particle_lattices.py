@@ -6,7 +6,7 @@ normal again.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -94,13 +94,16 @@ def even(low: float, high: float, spacing: float, longest: float = math.inf) -> 
     return low + (np.arange(n, dtype=np.float64) + 0.5) * ((high - low) / n)
 
 
-def grid_of(shape: Shape, spacing: float, divides: bool = False) -> Grid:
-    """The lattice over the box around a shape: one that divides the box for a box, or where that is asked for, else of
-    the spacing, about its middle.
-    """
+def dividing(low: Sequence[float], high: Sequence[float], spacing: float) -> Grid:
+    """A lattice that divides a box."""
+    return Grid(tuple(even(a, b, spacing) for a, b in zip(low, high)))
+
+
+def grid_of(shape: Shape, spacing: float) -> Grid:
+    """The lattice over the box around a shape: exact for a box, of the spacing for what is round."""
     low, high = geometry.bounds(shape)
-    if shape.box or divides:
-        return Grid(tuple(even(a, b, spacing) for a, b in zip(low, high)))
+    if shape.box:
+        return dividing(low, high, spacing)
     return Grid(tuple(_centred(a, b, spacing) for a, b in zip(low, high)))
 
 

@@ -35,6 +35,7 @@ from sph.setup.particle_lattices import (
     Parts,
     Shell,
     box_sheets,
+    dividing,
     even,
     flagged,
     grid_of,
@@ -375,13 +376,12 @@ class Scene:
             given = np.asarray(given, float)
             return FluidSet(section, nowhere, first, mass, np.zeros(0, np.int64), self.spacing, given=given)
         shape, beyond, step = section.shape, 0, self.spacing
-        divides = bool(shape.box or shape.polygon)  # the floor and the sides of a tank lie half a spacing off it
-        grid = grid_of(shape, self.spacing, divides)
-        low, high = map(np.array, geometry.bounds(shape))
-        mass = section.density * self.spacing**self.dimensions
-        if divides:
-            mass = section.density * math.prod((high - low).tolist()) / grid.n
-            step = float(min(np.min((high - low) / grid.shape), step))
+        grid, mass = grid_of(shape, step), section.density * step**self.dimensions
+        if shape.box or shape.polygon:  # a floor and the sides of a tank lie half a spacing off it
+            low, high = geometry.joined(shape, [fluid.shape for fluid in self.config.fluid], step / 2)
+            grid, size = dividing(low, high, step), np.subtract(high, low)
+            mass = section.density * math.prod(size.tolist()) / grid.n
+            step = float(min(np.min(size / grid.shape), step))
         if shape.box:
             whole, grid = grid, grid.within(self.low, self.high)
             beyond = whole.n - grid.n

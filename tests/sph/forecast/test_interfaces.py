@@ -122,3 +122,19 @@ def test_the_cure_of_a_front_is_one():
 def test_no_front_without_two_densities_that_meet(made):
     assert lock(**made) is None
     assert not [name for name in told(wave=0.0) if "front of" in name]  # one lies on the other
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.1])
+def test_a_lattice_at_an_interface_that_slopes_is_told_and_friction_as_of_a_level_one(slope):
+    a, b = 0.5 - slope / 2, 0.5 + slope / 2
+    corners = [[0.0, 0.0], [0.5, 0.0], [0.5, a], [0.0, b]], [[0.0, b], [0.5, a], [0.5, 1.0], [0.0, 1.0]]
+    case = sph.Case(
+        simulation={"end_time": 1.0}, gravity=[0.0, -G], numerics={"spacing": 0.025},
+        fluid=[{"name": name, "density": density, "shape": {"polygon": {"corners": corner}}}
+               for name, density, corner in zip(("lower", "upper"), (HEAVY, LIGHT), corners)],
+        wall=[{"shape": {"box": {"low": [0.0, 0.0], "high": [0.5, 1.0]}}}],
+    )  # fmt: skip
+    rows = {row.name: row for row in case.check().rows}
+    level = told(wave=0.0, periodic=())[PRESSED].value
+    assert rows[PRESSED].value == pytest.approx(level, rel=0.12)  # as deep as it is on average, but for the slope
+    assert len([name for name in rows if name.startswith("disorder of")]) == (2 if slope else 0)

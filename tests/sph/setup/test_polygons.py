@@ -180,3 +180,23 @@ def test_water_that_walls_cover_is_level_or_has_the_pressure_between_two_levels(
     left, right = x[:, 0] < 0.2, x[:, 0] > 1.0
     level = np.select([left, right], [0.6, 0.4], 0.6 - 0.2 * (x[:, 0] - 0.2) / 0.8)
     np.testing.assert_allclose(head, level - x[:, 1], rtol=4e-3, atol=1e-3)
+
+
+def test_two_liquids_share_a_lattice_along_an_interface_that_slopes():
+    """Else some particles there lay crowded and others apart, and the floor bore 0.7 to 1.3 of the weight."""
+    corners = [[0.0, 0.0], [1.2, 0.0], [1.2, 0.25], [0.0, 0.35]], [[0.0, 0.35], [1.2, 0.25], [1.2, 0.6], [0.0, 0.6]]
+    made = sph.Case(
+        simulation={"end_time": 0.1}, gravity=[0.0, -9.81], numerics={"spacing": 0.02}, wall=[TANK],
+        fluid=[{"density": density, "shape": {"polygon": {"corners": one}}}
+               for density, one in zip((1000.0, 800.0), corners)],
+    )  # fmt: skip
+    scene = Scene(made.config)
+    found = scene.fluid(np.arange(scene.n_fluid))
+    assert scene.n_fluid == 60 * 30 and found["m"].sum() == pytest.approx(1.2 * 0.3 * 1800.0, rel=2e-3)
+    places = np.rint(found["x"] / 0.02 - 0.5)
+    np.testing.assert_allclose(found["x"], (places + 0.5) * 0.02, atol=1e-12)
+    assert len(np.unique(places, axis=0)) == scene.n_fluid
+    x, y = found["x"].T
+    between = 0.35 - 0.1 / 1.2 * x
+    over = 0.8 * np.minimum(0.6 - y, 0.6 - between) + np.maximum(between - y, 0.0)
+    np.testing.assert_allclose(scene.eos.pressure(found["drho"]) / 9810.0, over, rtol=4e-3)
