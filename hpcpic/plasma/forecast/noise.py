@@ -24,8 +24,9 @@ MIN_PER_DEBYE = 10.0
 MIN_OVER_NOISE = 3.0
 # A quiet start has no noise at t = 0. Later, at tau = k v t, the amplitude of a wave of m lengths in the box is up to
 # some ALONG_X m tau/N along x, where places are even, and ELSEWHERE m tau/N with a part along y or z, which are as
-# velocities in digit-reversed order: N of 1024 to 262 144, tau until 10.
+# velocities in digit-reversed order: N of 1024 to 262 144, until tau = QUIET_UNTIL, and no more after it.
 ALONG_X, ELSEWHERE = 1.0, 3.0
+QUIET_UNTIL = 10.0
 MIN_PARTS = 20.0  # of a cell, 2^-20 each, that a wave moves a cold species in a step
 MAX_START_NOISE = 0.5  # field of a random start over heat, in 1D: with more, seeds differ in heating by more than 2
 BALLS = {1: ("length", 1.0), 2: ("circle", math.pi), 3: ("sphere", 4 / 3 * math.pi)}  # by axes, of radius 1
