@@ -135,7 +135,6 @@ def landing(world, text, end):
     deepest = 0.0
     with running(world, "lbmdem", text) as app:
         while app.time < end:
-            for _ in range(20):
-                app.step()
+            app.advance(20)
             deepest = max(deepest, app.scalars()["overlap"])
     return deepest
