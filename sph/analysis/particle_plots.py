@@ -30,6 +30,7 @@ PIXELS = 720  # width of a rendered picture
 SMALL = 0.02  # m: boxes below are told in mm
 THEORY: dict[str, Any] = {"color": INK, "linewidth": 1.0}
 WALL, BODY = "#b8bcc2", COLOURS[1]
+SECOND = 0.3  # area of the dots of a liquid that differs from the first, over that of the first one's
 
 
 def snapshots_of(run: Run) -> Particles:
@@ -61,6 +62,19 @@ def gases_at(run: Run, snapshots: Particles, number: int) -> np.ndarray:
     """Positions[n, 3] of the particles of gases in a snapshot."""
     names = [fluid.name for fluid in config_of(run).fluid if fluid.gas and fluid.name in snapshots.species]
     return np.concatenate([*(snapshots.read(name, number)["position"] for name in names), np.zeros((0, 3))])
+
+
+def shares_of_dots(run: Run, snapshots: Particles, number: int) -> np.ndarray:
+    """Areas[n] of dots over the usual one, in the order of `fluid_at` without gases: those of liquids that differ from
+    the first are small, so that one sees where they are, as colours tell the pressure. [1] where there is one.
+    """
+    kinds = {fluid.name: (fluid.density, fluid.dynamic_viscosity) for fluid in config_of(run).fluid if not fluid.gas}
+    first = next(iter(kinds.values()), None)
+    shares = {name: SECOND for name, kind in kinds.items() if kind != first}
+    if not shares:
+        return np.ones(1)
+    names = [name for name in fluid_names(run, gases=False) if name in snapshots.species]
+    return np.concatenate([np.full(len(snapshots.read(name, number)["id"]), shares.get(name, 1.0)) for name in names])
 
 
 def is_no_body(wall: WallSection) -> bool:
@@ -162,8 +176,8 @@ def _panels_2d(run: Run, snapshots: Particles, numbers: Sequence[int]) -> Figure
         axis.scatter(solid[:, 0], solid[:, 1], s=size, color=BODY, linewidths=0, rasterized=True)
         air = gases_at(run, snapshots, number)
         axis.scatter(air[:, 0], air[:, 1], s=0.25 * size, color=WALL, linewidths=0, rasterized=True)
-        dots = axis.scatter(x[:, 0], x[:, 1], c=particles["pressure"], s=size, linewidths=0, vmin=least, vmax=most,
-                            rasterized=True)  # fmt: skip
+        dots = axis.scatter(x[:, 0], x[:, 1], c=particles["pressure"], s=size * shares_of_dots(run, snapshots, number),
+                            linewidths=0, vmin=least, vmax=most, rasterized=True)  # fmt: skip
         for line in outlines.in_plane(scene_of(run).walls, float(snapshots.times[number]), low, high):
             axis.plot(*line, color=WALL, linewidth=1.5 if not len(walls) else 0.8)
         for ends in moorings_at(run, snapshots, number):

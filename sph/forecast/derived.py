@@ -114,13 +114,15 @@ def viscous_step(config: SphConfig, dt: float, longest: float) -> Iterator[Deriv
     cure = "" if verdict == "ok" else f"time_step = {rounded_down(longest):g} is the nearest legal one"
     source = "Morris et al. 1997"
     yield Derived("viscous step", "nu dt/h2", share, "", f"< {most:.3g}", verdict, source, cure, STEP, True)
-    n, rules = (config.eos.max_velocity or 0) * config.numerics.spacing / nu, [rule_of(w.type) for w in config.wall]
+    u, rules = config.eos.max_velocity or 0.0, [rule_of(wall.type) for wall in config.wall]
+    n = u * config.numerics.spacing / nu
     sticks = not config.numerics.artificial_viscosity and any(not (rule.slips or rule.repulsive) for rule in rules)
     verdict = "warn" if sticks and n > COARSE else "ok"
     cure = "no dynamic_viscosity: free slip and artificial viscosity"
     cure += f"; or spacing = {config.numerics.spacing * COARSE / n:.1g}" if COARSE < n < 10 * COARSE else ""
+    source = f"u = {u:.3g} m/s, eos.max_velocity; vortices decay 1.1 (20), 1.6 (100), 7 (1000) times as fast as by it"
     yield Derived("Reynolds number of a spacing", "u dp/nu", n, "", f"<= {COARSE} where walls stick, alpha 0", verdict,
-                  "vortices decay 1.1 (20), 1.6 (100), 7 (1000) times as fast as by it, measured",
+                  source + ", measured",
                   cure if verdict == "warn" else "", ("fluid", 0, "dynamic_viscosity"))  # fmt: skip
 
 

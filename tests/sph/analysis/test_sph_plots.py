@@ -136,6 +136,21 @@ def test_gases_are_dots_beside_liquids(monkeypatch):
     np.testing.assert_array_equal(painted.get_offsets(), places["water"][:, :2])
 
 
+def test_a_second_liquid_has_smaller_dots(monkeypatch):
+    """Colours are those of the pressure, which tells no liquid from another."""
+    rows = {name: {"id": np.arange(n), "position": np.full((n, 3), 0.1), "pressure": np.full(n, 900.0)}
+            for name, n in (("water", 2), ("oil", 3))}  # fmt: skip
+    snapshots = SimpleNamespace(times=np.array([0.3]), steps=np.array([7]), species=("water", "oil"),
+                                index=lambda step: 0, read=lambda name, number: rows[name],
+                                positions=lambda names, _: np.zeros((1, 3)))  # fmt: skip
+    monkeypatch.setattr(particle_plots, "snapshots_of", lambda _: snapshots)
+    text = shipped_cases()["interfacial-wave"].read_text()
+    for other, small in ((text, True), (text.replace("500.0", "1000.0"), False)):
+        run = SimpleNamespace(config=other, config_file="case")
+        sizes = particle_plots.sequence(run, 7).axes[0].collections[-1].get_sizes()
+        assert sizes.max() == sizes[0] and (len(sizes) == 5 and bool(np.all(sizes[2:] < 0.5 * sizes[0]))) == small
+
+
 def test_particles_in_space_are_painted_in_the_colour_of_their_speed(monkeypatch):
     """SC figure 2."""
     one_snapshot(monkeypatch, THREE, 0.3)

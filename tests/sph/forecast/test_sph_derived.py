@@ -126,6 +126,7 @@ def test_a_viscosity_that_a_spacing_does_not_resolve_is_told_where_walls_stick(v
         wall = ( {{ type = "{kind}"; shape = {{ plane = {{ point = [0.0, 0.0]; normal = [0.0, 1.0]; }}; }}; }} );"""
     number = {n.name: n for n in derived(configure(loads(text)))}["Reynolds number of a spacing"]
     assert number.value == pytest.approx((2 * 9.81 * 0.5) ** 0.5 * 0.05 * 1000.0 / viscosity)
+    assert number.source.startswith("u = 3.13 m/s, eos.max_velocity")
     assert number.verdict == verdict and bool(number.cure) == (verdict == "warn")
 
 
