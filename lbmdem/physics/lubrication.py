@@ -3,8 +3,9 @@
 Below a gap of a node or so no fluid node lies between two grains, and what the links miss is put in by lubrication
 theory: the force at the gap less the force at the cut-off gap (Nguyen & Ladd, Phys. Rev. E 66 (2002) 046708; in this
 form with a least gap, Simeonov & Calantoni, Int. J. Multiphase Flow 46 (2012) 38). Links give less of the latter when
-no node is left in the gap: of spheres, what they give beside a wall was measured against Brenner, Chem. Eng. Sci. 16
-(1961) 242, with 10 and 20 nodes across (tests/validation). SI or any other units alike.
+no node is left in the gap. What they give beside a wall was measured with 10 and 20 nodes across (tests/validation):
+of spheres against Brenner, Chem. Eng. Sci. 16 (1961) 242, of discs against Jeffrey & Onishi (below), in the mean of
+places of the wall between nodes, of which it depends. SI or any other units alike.
 
 Three motions of a film are counted: it is squeezed, it is sheared by surfaces that slide past each other, and it is
 pumped along by surfaces that go the same way, each seen from where they meet. Without the first a film turns
@@ -20,9 +21,10 @@ from typing import Any, NamedTuple
 
 from hpcpic.core.simd.formulas import maximum, minimum, select, sqrt
 
-CUT_OFF = {2: 2.0 / 3.0, 3: 1.0 / 1.7}  # nodes: where the resolved force begins to lag behind
+CUT_OFF = {2: 0.857, 3: 1.0 / 1.7}  # nodes: where the resolved force begins to lag behind
 RESOLVED, GROWTH = 0.53, 0.55  # of a sphere's force at the cut-off: what links give at contact, more by gap / cut-off
-SHEAR_CUT_OFF = 0.85  # of the cut-off: half a node; links of discs beside a plane were measured too, 10 and 20 across
+OF_DISCS, GROWTH_OF_DISCS = 0.0, 1.0  # the same of a disc's
+SHEAR_CUT_OFF, SHEAR_OF_DISCS = 0.85, 0.66  # of the cut-off: half a node, of discs 0.57 node
 PUMPED = {2: 1.0, 3: 0.6}  # c: resistance to the sum of both surfaces' velocities, over that to their difference
 STABLE = 0.2  # resistance x mobility x step: films all round a grain are stable below, as 4.5 of them count fully
 MOST_SUBSTEPS = 1000  # in a step of the fluid, for films: a stiffer one is limited to what is stable
@@ -56,8 +58,11 @@ class Film(NamedTuple):
             narrow = (math.hypot(RESOLVED + film, 2.0 * math.sqrt(GROWTH)) - RESOLVED - film) / (2.0 * GROWTH)
             wide = 1.0 / (1.0 + film)
             return self.cut_off * (narrow if RESOLVED + GROWTH * narrow < 1.0 else wide)
-        film = resistance / (3.0 * math.sqrt(2.0) * math.pi * self.viscosity)
-        return radius / ((radius / self.cut_off) ** 1.5 + film) ** (2.0 / 3.0)
+        film = resistance / (3.0 * math.sqrt(2.0) * math.pi * self.viscosity * radius**1.5)
+        gap = self.cut_off
+        for _ in range(80):  # each is nearer by a third at least
+            gap = (film + (OF_DISCS + GROWTH_OF_DISCS * gap / self.cut_off) * self.cut_off**-1.5) ** (-2.0 / 3.0)
+        return gap
 
     def shear_resistance(self, gap: float, radius: float) -> float:
         """Force over velocity of surfaces that slide past each other and pump nothing; where grains touch that of the
@@ -75,8 +80,8 @@ def squeeze_resistance(film: Film, gap: Any, radius: Any) -> Any:
     """
     h = maximum(gap, radius * ROUGHNESS)
     if film.dimensions == 2:
-        near, far = radius / h, radius / film.cut_off
-        found = (near * sqrt(near) - far * sqrt(far)) * (3.0 * math.sqrt(2.0) * math.pi * film.viscosity)
+        given, near, far = OF_DISCS + GROWTH_OF_DISCS / film.cut_off * h, radius / h, radius / film.cut_off
+        found = (near * sqrt(near) - given * far * sqrt(far)) * (3.0 * math.sqrt(2.0) * math.pi * film.viscosity)
     else:
         given = minimum(RESOLVED + GROWTH / film.cut_off * h, 1.0)
         found = radius * radius * (6.0 * math.pi * film.viscosity) * (1.0 / h - given / film.cut_off)
@@ -90,7 +95,7 @@ def sheared_spheres(film: Film, radius: Any, logarithm: Any) -> Any:
 
 def sheared_discs(film: Film, gap: Any, radius: Any) -> Any:
     """pi mu (2 r)^(1/2) (1 / h^(1/2) - 1 / h_c^(1/2)); less than 0 beyond the cut-off h_c of shear."""
-    near, far = sqrt(2.0 * radius / gap), sqrt(2.0 / (SHEAR_CUT_OFF * film.cut_off) * radius)
+    near, far = sqrt(2.0 * radius / gap), sqrt(2.0 / (SHEAR_OF_DISCS * film.cut_off) * radius)
     return (near - far) * (math.pi * film.viscosity)
 
 

@@ -28,10 +28,10 @@ def squeezed(gap, radius, dimensions):
 
 @pytest.mark.parametrize("dimensions", [2, 3])
 def test_resistance_is_the_film_less_that_at_the_cut_off(dimensions):
-    """Of discs; links of spheres give less of it in a narrow gap."""
+    """Links give less of it in a narrow gap: of spheres from 0.53 on, of discs from nothing."""
     film = Film(2.0, 0.05, dimensions)
     for gap in (0.001, 0.01, 0.04, 0.045):
-        given = min(0.53 + 0.55 * gap / 0.05, 1.0) if dimensions == 3 else 1.0
+        given = min(0.53 + 0.55 * gap / 0.05, 1.0) if dimensions == 3 else gap / 0.05
         wanted = 2.0 * (squeezed(gap, 0.7, dimensions) - given * squeezed(0.05, 0.7, dimensions))
         assert film.resistance(gap, 0.7) == pytest.approx(wanted, rel=1e-7)
 
@@ -147,7 +147,7 @@ def test_films_of_discs_make_the_heat_of_reynolds_equation(world, pool, a, b):
         lines = at_contact(world, pool, radii, gap, [[0.0, v], *still], [[w]] + [[0.0]] * len(still), floor)
         side = -1.0 if plane else 1.0  # on which the other is
         s, p = -(v + side * a * w), side * a * w - d * v
-        heat = VISCOSITY * (reynolds(gap, r, s, p) - reynolds(0.85 * CUT, r, s, p))
+        heat = VISCOSITY * (reynolds(gap, r, s, p) - reynolds(0.66 * CUT, r, s, p))
         assert np.mean(lines[:, 3]) * (0.5 if plane else 1.0) == pytest.approx(heat, rel=1e-4)
         assert -(lines[0, 1] * v + lines[0, 6] * w) == pytest.approx(heat, rel=1e-4)
 
