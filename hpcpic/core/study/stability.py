@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from hpcpic.core.study.bisection import Axis, Limit, Limits
 
 STRIP = 61  # characters from a third of the limit to three times it
+SAFE = 0.8  # of the limit: beyond it a size is nearly unstable
 
 
 def make_stability_command(app_loader: AppLoader) -> click.Command:
@@ -183,7 +184,7 @@ def strip(place: float) -> str:
     cells = []
     for k in range(STRIP):
         x = 3.0 ** (2.0 * k / (STRIP - 1) - 1.0)
-        colour = "green" if x < 0.8 else "yellow" if x < 1.0 else "red"
+        colour = "green" if x < SAFE else "yellow" if x < 1.0 else "red"
         cells.append(click.style({"green": ".", "yellow": "!", "red": "#"}[colour], fg=colour))
     mark = round((math.log(min(max(place, 1 / 3), 3.0), 3.0) + 1.0) / 2.0 * (STRIP - 1))
     return f"            {''.join(cells)}\n            {' ' * mark}^"
@@ -239,10 +240,10 @@ def draw_map(limits: Limits, first: Knob, second: Knob, folder: Path) -> None:
     names = ("second", "theory" if theory else "here", "measured", "ratio", "found_by")
     found = {"first": first.name, "over": second.name, "columns": [dict(zip(names, row)) for row in rows]}
     write_json(folder / "map.json", found)
-    limited = [row for row in rows if math.isfinite(row[2])]
+    limited = [column for column in columns if math.isfinite(column[2].x)]
     if not limited:
         raise CheckFailed(f"no limit of {first.name} was found at any {second.name}: there is nothing to draw")
-    save(map_figure(limits, first, second, limited, theory), folder / "map.png")
+    save(map_figure(limits.case_sizes, first, second, limited), folder / "map.png")
     click.echo(f"map: {folder / 'map.png'}, {folder / 'map.json'}")
 
 
@@ -252,26 +253,30 @@ def horizon(limit: Limit) -> str:
     return ("runs four times as long" if limit.late else "the first runs") + moves
 
 
-def map_figure(limits: Limits, first: Knob, second: Knob, rows: Sequence[tuple[Any, ...]], theory: bool) -> Any:
-    """Stable, nearly unstable and unstable sizes of the first knob over those of the second."""
+def map_figure(
+    here: Mapping[str, float], first: Knob, second: Knob, columns: Sequence[tuple[float, Axis, Limit]]
+) -> Any:
+    """Stable, nearly unstable and unstable sizes of the first knob over those of the second, as a case says them."""
     from matplotlib.ticker import NullFormatter
 
     from hpcpic.core.app.figures import COLOURS, new_figure, style
 
-    across, limit, measured = ([row[k] for row in rows] for k in range(3))
-    here = first.shown(limits.case_sizes[first.name]), second.shown(limits.case_sizes[second.name])
-    low, high = 0.3 * min(*measured, here[0]), 3.0 * max(*measured, here[0])
+    across = [second.shown(size) for size, _, _ in columns]
+    safe, measured = ([first.shown(axis.size(share * limit.x)) for _, axis, limit in columns] for share in (SAFE, 1.0))
+    sizes = [here[first.name], *(axis.size(limit.x) for _, axis, limit in columns)]
+    ends = [first.shown(0.3 * min(sizes)), first.shown(3.0 * max(sizes))]
+    calm, wild = ends if columns[0][1].power > 0.0 else ends[::-1]
     with style():
         fig, ax = new_figure(size=(6.0, 4.0))
-        safe = [0.8 * y for y in measured]
-        ax.fill_between(across, low, safe, color=COLOURS[2], alpha=0.35, lw=0, label="stable")
+        ax.fill_between(across, calm, safe, color=COLOURS[2], alpha=0.35, lw=0, label="stable")
         ax.fill_between(across, safe, measured, color=COLOURS[4], alpha=0.5, lw=0, label="above 0.8 of the limit")
-        ax.fill_between(across, measured, high, color=COLOURS[1], alpha=0.35, lw=0, label="unstable")
+        ax.fill_between(across, measured, wild, color=COLOURS[1], alpha=0.35, lw=0, label="unstable")
         ax.loglog(across, measured, "o-", color="black", ms=4, label="measured")
-        if theory:
-            ax.loglog(across, limit, "--", color=COLOURS[0], label="theory")
-        ax.plot(here[1], here[0], "*", ms=13, color=COLOURS[3], label="the case")
-        ax.set(xlabel=with_unit(second), ylabel=with_unit(first), ylim=(low, high))
+        if columns[0][1].number is not None:
+            theory = [first.shown(axis.size(1.0)) for _, axis, _ in columns]
+            ax.loglog(across, theory, "--", color=COLOURS[0], label="theory")
+        ax.plot(second.shown(here[second.name]), first.shown(sizes[0]), "*", ms=13, color=COLOURS[3], label="the case")
+        ax.set(xlabel=with_unit(second), ylabel=with_unit(first), ylim=sorted(ends))
         ax.xaxis.set_minor_formatter(NullFormatter())
         ax.yaxis.set_minor_formatter(NullFormatter())
         ax.legend()

@@ -8,8 +8,8 @@ import pytest
 from test_tradeoff import program, read_json  # noqa: F401  (program: a fixture)
 
 from hpcpic.core.study import bisection
-from hpcpic.core.study.bisection import RESOLUTION, Axis, Limits, bracketed
-from hpcpic.core.study.stability import strip
+from hpcpic.core.study.bisection import RESOLUTION, Axis, Limit, Limits, bracketed
+from hpcpic.core.study.stability import map_figure, strip
 
 
 @pytest.mark.parametrize("limit", [0.4, 0.95, 1.0, 1.07, 2.5])
@@ -158,3 +158,21 @@ def test_a_map_of_what_has_no_theory_names_none(program, tmp_path, monkeypatch):
     done = program("stability", "--map", "dx,dt", "-o", "out", steps=40)
     assert "the case's" in done.stdout and "theory" not in done.stdout
     assert read_json(tmp_path / "out/map.json")["columns"][0]["here"] == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("power", [1.0, -2.0])
+def test_a_map_draws_its_bands_by_the_sizes_not_by_what_a_case_says(power):
+    """tau = 0.53 of a limit of 0.63 was drawn above 0.8 of it, as 0.53/0.63, and tau below 1/2 as stable."""
+    tau = SimpleNamespace(name="tau", unit="", shown=lambda size: 0.5 + size)
+    dx = SimpleNamespace(name="dx", unit="m", shown=lambda size: size)
+    axis = Axis(tau, None, 0.03, power)
+    columns = [(size, axis, Limit(axis.x(0.13), axis.x(0.13))) for size in (1.0, 2.0)]
+    (figure,) = map_figure({"tau": 0.03, "dx": 1.0}, tau, dx, columns).axes
+    bands = {area.get_label(): area.get_paths()[0].vertices[:, 1] for area in figure.collections}
+    near = 0.5 + axis.size(0.8 * axis.x(0.13))
+    low, high = 0.5 + 0.3 * 0.03, 0.5 + 3 * 0.13
+    ends = {"stable": low, "unstable": high} if power > 0 else {"stable": high, "unstable": low}
+    for label, edges in (("stable", (ends["stable"], near)), ("above 0.8 of the limit", (near, 0.63)),
+                         ("unstable", (0.63, ends["unstable"]))):  # fmt: skip
+        assert (bands[label].min(), bands[label].max()) == pytest.approx(sorted(edges)), label
+    assert figure.get_ylim() == pytest.approx((low, high))
