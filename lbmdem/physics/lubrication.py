@@ -22,8 +22,8 @@ from typing import Any, NamedTuple
 from hpcpic.core.simd.formulas import maximum, minimum, select, sqrt
 
 CUT_OFF = {2: 0.857, 3: 1.0 / 1.7}  # nodes: where the resolved force begins to lag behind
-RESOLVED, GROWTH = 0.53, 0.55  # of a sphere's force at the cut-off: what links give at contact, more by gap / cut-off
-OF_DISCS, GROWTH_OF_DISCS = 0.0, 1.0  # the same of a disc's
+RESOLVED, GROWTH = 0.53, 0.55  # of a sphere's force at the cut-off: what links give at contact, more by gap / cut-off;
+# of a disc's they give the share gap / cut-off
 SHEAR_CUT_OFF, SHEAR_OF_DISCS = 0.85, 0.66  # of the cut-off: half a node, of discs 0.57 node
 PUMPED = {2: 1.0, 3: 0.6}  # c: resistance to the sum of both surfaces' velocities, over that to their difference
 STABLE = 0.2  # resistance x mobility x step: films all round a grain are stable below, as 4.5 of them count fully
@@ -61,7 +61,7 @@ class Film(NamedTuple):
         film = resistance / (3.0 * math.sqrt(2.0) * math.pi * self.viscosity * radius**1.5)
         gap = self.cut_off
         for _ in range(80):  # each is nearer by a third at least
-            gap = (film + (OF_DISCS + GROWTH_OF_DISCS * gap / self.cut_off) * self.cut_off**-1.5) ** (-2.0 / 3.0)
+            gap = (film + gap / self.cut_off * self.cut_off**-1.5) ** (-2.0 / 3.0)
         return gap
 
     def shear_resistance(self, gap: float, radius: float) -> float:
@@ -80,7 +80,7 @@ def squeeze_resistance(film: Film, gap: Any, radius: Any) -> Any:
     """
     h = maximum(gap, radius * ROUGHNESS)
     if film.dimensions == 2:
-        given, near, far = OF_DISCS + GROWTH_OF_DISCS / film.cut_off * h, radius / h, radius / film.cut_off
+        given, near, far = 1.0 / film.cut_off * h, radius / h, radius / film.cut_off
         found = (near * sqrt(near) - given * far * sqrt(far)) * (3.0 * math.sqrt(2.0) * math.pi * film.viscosity)
     else:
         given = minimum(RESOLVED + GROWTH / film.cut_off * h, 1.0)
