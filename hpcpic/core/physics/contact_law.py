@@ -52,11 +52,6 @@ def dot(a: Vector, b: Vector) -> Any:
     return fma(a[2], b[2], fma(a[1], b[1], a[0] * b[0]))
 
 
-def tangential(u: Vector, n: Vector, opening: Any) -> Vector:
-    """The part of a velocity u across n: u - n (u n); opening: u n."""
-    return fma(-opening, n[0], u[0]), fma(-opening, n[1], u[1]), fma(-opening, n[2], u[2])
-
-
 def slip_velocity(u: Vector, spin: Vector, n: Vector, opening: Any) -> Vector:
     """Velocity of the surfaces along the contact: u - n (u n) - spin x n; spin: sum of arm x angular velocity."""
     return (
