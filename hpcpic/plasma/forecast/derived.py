@@ -1,6 +1,5 @@
 """The numbers that decide whether a plasma case is stable and accurate, with their limits and sources."""
 
-import itertools
 import math
 from collections.abc import Iterator
 from functools import partial
@@ -8,16 +7,23 @@ from typing import Any
 
 from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived, Verdict
-from hpcpic.plasma.case.config import MOST_POINTS, Equation, PlasmaConfig, velocity_components
-from hpcpic.plasma.case.units import SYSTEMS, known_by_ratio
-from hpcpic.plasma.forecast.cell_edges import cell_edges
+from hpcpic.plasma.case.config import MOST_POINTS, Equation, PlasmaConfig
+from hpcpic.plasma.case.units import known_by_ratio
 from hpcpic.plasma.forecast.cold_drift import cold_drift
 from hpcpic.plasma.forecast.cold_wave import cold_wave, noise_of_cold
 from hpcpic.plasma.forecast.collisions import collisions
 from hpcpic.plasma.forecast.densest import at_densest, dense_frequency, densest, mean_debye
 from hpcpic.plasma.forecast.estimate import SERIES_SHARE, affordable_period, count_seconds, phases
 from hpcpic.plasma.forecast.field_equation import field_equation, field_strength, slowed_by_clouds
-from hpcpic.plasma.forecast.noise import MAX_START_NOISE, alike_per_cell, neutral, noise, share_along, start_noise
+from hpcpic.plasma.forecast.noise import (
+    MAX_START_NOISE,
+    alike_per_cell,
+    cell_edges,
+    neutral,
+    noise,
+    share_along,
+    start_noise,
+)
 from hpcpic.plasma.forecast.rates import DEFAULT
 from hpcpic.plasma.forecast.recurrence import recurrence
 from hpcpic.plasma.forecast.scales import (
@@ -32,12 +38,21 @@ from hpcpic.plasma.forecast.scales import (
     thermal_velocities,
     total_plasma_frequency,
 )
+from hpcpic.plasma.forecast.speeds import crossing, motion
 from hpcpic.plasma.forecast.trapping import trapping
-from hpcpic.plasma.forecast.turning import MOST_WAVE, WIDER, fastest_turn, stronger_across, turn_across_grid, turning
+from hpcpic.plasma.forecast.turning import (
+    MOST_WAVE,
+    WIDER,
+    across_waves,
+    fastest_turn,
+    stronger_across,
+    turn_across_grid,
+    turning,
+)
 from hpcpic.plasma.physics.heating import HEATING, MIN_PER_CELL, energy_ratio, rate_of_step, rates_across, rates_of
 from hpcpic.plasma.physics.poisson import operator_of, response
 from hpcpic.plasma.physics.shapes import SHAPES
-from hpcpic.plasma.setup.loaders import loader_of, velocity_moments
+from hpcpic.plasma.setup.loaders import loader_of
 
 HEATED = 0.1  # growth of the energy by the grid that is warned of
 MAX_DOUBLINGS = 5  # doublings of particles or points that are tried against it
@@ -47,7 +62,6 @@ SMOOTHEST_SHAPE = "TSC"
 MAX_IMBALANCE = 1e-6  # of the charge of species of both signs, over the sum of their moduli: what is rounded in a case
 LARGEST = 1e75  # of a number in a case: products of four still are floating-point numbers
 NODE_CAPACITY = 2**19  # particles on one node that 64-bit fixed point with 44 fractional bits holds
-MOST_CELLS = 1e9  # that a particle may cross in a step
 LEAST_CHANGE = 1e-4  # change in a step below which steps are wasted
 TIME_STEP = ("simulation", "time_step")
 POINTS = ("grid", "points")
@@ -152,13 +166,16 @@ def stability(config: PlasmaConfig) -> Iterator[Derived]:
     if 0 < (change := max(step, turn, crossing(config))) < LEAST_CHANGE and not driven(config):
         yield idle_steps(change)
     if (period := config.periods["series"]) > 1 and step:
-        yield sampling(math.pi / (step * period), period)
+        swing = math.hypot(step, turn) if across_waves(config) else step
+        yield sampling(math.pi / (swing * period), period)
     if any(config.field.magnetic):
         yield turning(config, turn)
 
 
 def sampling(samples: float, period: int) -> Derived:
-    """How well a series shows the energy of the field, which swings twice in a plasma period."""
+    """How well a series shows the energy of the field, which swings twice in a plasma period, or twice in that of upper
+    hybrid waves across a magnetic field.
+    """
     cure = f"output.every.series = {max(1, int(period * samples / 8))} shows them"
     name, key = "samples in a swing of the field energy", ("output", "every", "series")
     return judged(name, "pi/(wp dt K)", samples, "> 2", verdict_of(samples > 2), "sampling theorem", cure, key)
@@ -284,49 +301,6 @@ def heating(config: PlasmaConfig) -> Derived:
     if across:
         source += f", with wc = {turn:.2g} wp across the grid, which particles do not cure"
     return judged("predicted heating", "dW/W", growth, f"< {HEATED}", verdict, source, cure, POINTS)
-
-
-def crossing(config: PlasmaConfig) -> float:
-    """Cells that the fastest particle crosses in a step: as loaded, and as the external electric field makes it."""
-    fastest, dt, electric = 0.0, abs(config.simulation.time_step), config.field.electric
-    turn = fastest_turn(config) if any(electric) else 0.0
-    time = dt * max(config.simulation.cycles, 1)
-    time = min(time, 2 / turn) if turn else time  # a cycloid has no more than twice the drift E/B
-    for species in config.species:
-        if not species.particles:
-            continue
-        tail = math.sqrt(2 * math.log(max(species.particles, 2)))
-        wave = abs(species.perturbation.velocity_amplitude) if species.perturbation else 0.0
-        for axis, (dx, loaded) in enumerate(zip(spacing(config), loader_of(species).fastest(species).components)):
-            gained = abs(species.charge / species.mass * electric[axis]) * time
-            speed = loaded + tail * species.thermal_velocity + wave + gained
-            fastest = max(fastest, speed * dt / dx)
-    return fastest
-
-
-def motion(config: PlasmaConfig) -> Iterator[Derived]:
-    """Velocities as loaded, and how far the fastest particle gets in a step."""
-    fastest, components = crossing(config), velocity_components(config)
-    for species in config.species:
-        axes = range(components) if species.particles else ()
-        for (mean, spread), equal in itertools.groupby(axes, partial(velocity_moments, config, species)):
-            along = ", ".join(f"v{'xyz'[axis]}" for axis in equal)
-            yield Derived(f"mean velocity of {species.name}", f"mean {along}", mean, "m/s")
-            yield Derived(f"velocity spread of {species.name}", f"std {along}", spread, "m/s")
-    verdict, limit, source = verdict_of(fastest < 1), "< 1", "one cell per step"
-    slower = step_for(config, 0.9, fastest)
-    cure = f"time_step = {slower:g} avoids it: slower, not wrong"
-    if fastest >= MOST_CELLS:
-        verdict, limit, source = "fail", f"< {MOST_CELLS:g}", "cells are counted in 32 bits"
-        cure = f"time_step = {slower:g}, or a slower particle; {UNITS}"
-    yield judged("fastest particle", "v dt/dx", fastest, limit, verdict, source, cure, TIME_STEP, "cells")
-    light = SYSTEMS[config.units].light
-    if math.isfinite(light):
-        moving = (s for s in config.species if s.particles)
-        beta = max((loader_of(s).fastest(s).speed + 3 * s.thermal_velocity for s in moving), default=0.0) / light
-        cure, verdict, source = "the equations of motion know no relativity", verdict_of(beta < 0.1), "gamma = 1.005"
-        yield judged("speed against light", "v/c", beta, "< 0.1", verdict, source, cure, ("species",))
-    yield Derived("velocity components", "", components)
 
 
 def waves(config: PlasmaConfig) -> Iterator[Derived]:

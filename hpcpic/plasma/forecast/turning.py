@@ -56,14 +56,18 @@ def stronger_across(config: PlasmaConfig) -> float:
     where it is off, where B lies along all axes that have a field, and where a step is half a turn or more.
     """
     magnetic, dt = config.field.magnetic, abs(config.simulation.time_step)
-    fields = [axis for axis, n in enumerate(config.points) if n > MOST_WITHOUT_FIELD]
-    across = any(strength for axis in fields for other, strength in enumerate(magnetic) if other != axis)
-    if not config.numerics.exact_phase or not across or fastest_turn(config) * dt >= math.pi:
+    if not config.numerics.exact_phase or not across_waves(config) or fastest_turn(config) * dt >= math.pi:
         return 1.0
     squares = {i: plasma_frequency(config, species) ** 2 for i, species in enumerate(config.species)}
     turns = [species.charge / species.mass * math.hypot(*magnetic) * dt for species in config.species]
     total = sum(squares.values())
     return sum(own * impulse_across(turns[i]) for i, own in squares.items()) / total if total else 1.0
+
+
+def across_waves(config: PlasmaConfig) -> bool:
+    """Whether the magnetic field has a part across an axis that has a field: waves along it are upper hybrid ones."""
+    fields = [axis for axis, n in enumerate(config.points) if n > MOST_WITHOUT_FIELD]
+    return any(strength for axis in fields for other, strength in enumerate(config.field.magnetic) if other != axis)
 
 
 def turn_across_grid(config: PlasmaConfig) -> float:

@@ -82,6 +82,7 @@ CURED = [
     ("wc dt", ["field.magnetic=[0, 3, 4]"]),
     ("wc dt", ["field.magnetic=[0, 3, 4e9]"]),
     ("pi/(wp dt K)", ["output.every.series=40"]),
+    ("pi/(wp dt K)", ["output.every.series=7", "field.magnetic=[0, 0, 1.7]"]),  # of upper hybrid waves
     ("N_D", ["species[0].particles=2000"]),
     ("N_D", ["species[0].particles=2000", "species[0].plasma_frequency=0"]),
     ("N_D", ["species[0].particles=2000", "species[0].plasma_frequency=0", "species[0].density=2"]),
