@@ -15,7 +15,7 @@ from lbmdem.case.config import ACCURATE, GrainSet, LbmDemConfig, contact_law, co
 from lbmdem.forecast.estimate import phases
 from lbmdem.forecast.films import expected_substeps, films
 from lbmdem.forecast.free_fall import impact_speed
-from lbmdem.forecast.piles import denseness, heap, layers_at_rest, standing, weight_in_fluid
+from lbmdem.forecast.piles import denseness, heap, layers_at_rest, smallest_below, standing, weight_in_fluid
 from lbmdem.forecast.rates import DEFAULT
 from lbmdem.setup.overlap_survey import survey
 
@@ -102,7 +102,7 @@ def overlaps(config: LbmDemConfig) -> Iterator[Derived]:
         if gravity:
             share, layers, source = overlap_at_rest(config, i)
             weight = abs(weight_in_fluid(config, group, size))
-            enough = layers * weight / (0.01 * size)  # 0 for what neither sinks nor rises
+            enough = stiffness * share / 0.01  # 0 for what neither sinks nor rises
             cure = f"normal_stiffness = {rounded_up(enough):g} gives 1 % for {group.name}" if enough else ""
             yield overlap("overlap at rest", share, source, cure, key, forceable=share < 1.0)  # else it falls through
             if layers >= PILE:
@@ -131,7 +131,8 @@ def foretold_overlap(config: LbmDemConfig) -> float:
 def overlaps_of_falls(config: LbmDemConfig) -> list[tuple[float, str]]:
     """The overlap of each set, over the diameter, with which its largest grain meets what is below, a wall or a grain
     that stays, and which speed that is of; 0 of grains that stay, and of those that a film brings to rest. Of dense
-    layers that land each stops the next, and their dashpots take up little: the overlap is that without damping.
+    layers that land each stops the next, and their dashpots take up little: the overlap is that without damping. Where
+    smaller grains lie below it is over their diameter.
     """
     found = []
     for i, group in enumerate(config.grains):
@@ -144,7 +145,11 @@ def overlaps_of_falls(config: LbmDemConfig) -> list[tuple[float, str]]:
         size, law = group.largest_diameter, contact_law(config)
         if speed and group.count > 1 and any(config.gravity) and not config.fluid and denseness(config, group) >= DENSE:
             law, how = law._replace(damping=0.0), f"{how}, of dense layers, undamped"
-        found.append((deepest_overlap(speed, grain_mass(group, size, config.dimensions), law) / size, how))
+        depth = deepest_overlap(speed, grain_mass(group, size, config.dimensions), law)
+        least = smallest_below(config, i)
+        if math.sqrt(config.dimensions) * least < size:  # as many of which stop it together
+            size, how = math.sqrt(config.dimensions) * least, f"{how}, onto smaller grains"
+        found.append((depth / size, how))
     return found
 
 
@@ -158,8 +163,9 @@ def rebounding(config: LbmDemConfig, group: GrainSet, speed: NDArray[np.float64]
 
 
 def overlap_at_rest(config: LbmDemConfig, i: int) -> tuple[float, float, str]:
-    """The mean overlap, over the diameter, below all layers of a set that lies on the floor, or below the highest pile
-    of grains that stand on each other at the start; the layers, and what they are. 0 of grains that stay."""
+    """The mean overlap, over the diameter, below all layers of a set that lies on the floor, with the packings above
+    it, or below the highest pile of grains that stand on each other at the start, or where one of its grains stands on
+    smaller ones, over their diameter; the layers, and what they are. 0 of grains that stay."""
     group, size = config.grains[i], config.grains[i].largest_diameter
     weight = abs(weight_in_fluid(config, group, size))
     if not group.moving or not weight:
@@ -170,7 +176,11 @@ def overlap_at_rest(config: LbmDemConfig, i: int) -> tuple[float, float, str]:
         layers, source = piled, f"weight of {piled:.3g} grains that stand on each other at the start"
     elif layers > 1.0:
         source = f"weight of {layers:.3g} layers of grains, in the mean"
-    return layers * weight / config.contact.normal_stiffness / size, layers, source
+    share, least = layers * weight / config.contact.normal_stiffness / size, smallest_below(config, i)
+    alone = weight / config.dimensions / config.contact.normal_stiffness / least
+    if least < size and alone > share:
+        return alone, 1.0, f"weight of a grain on {config.dimensions} smaller ones"
+    return share, layers, source
 
 
 def overlaps_of_pairs(config: LbmDemConfig) -> list[float]:

@@ -10,7 +10,7 @@ from hpcpic.core.case.derived import Derived, judged
 from hpcpic.core.space.products import product
 from lbmdem.case.config import AXES, GrainSet, LbmDemConfig
 from lbmdem.forecast.node_shares import grains, volume
-from lbmdem.forecast.piles import filled, lies, sinks, standing, weight_in_fluid
+from lbmdem.forecast.piles import filled, lies, lower, settled_height, sinks, standing, weight_in_fluid, whole_weight
 from lbmdem.forecast.relaxation import SPACING, key_of_tau, other_collision, slower
 from lbmdem.physics.collision import COLLISIONS
 from lbmdem.physics.velocity_sets import CS2
@@ -94,9 +94,10 @@ def ergun(config: LbmDemConfig, c: float, sphere: float) -> tuple[float, float]:
 def impact_speed(config: LbmDemConfig, i: int) -> float:
     """Speed (m/s) at which a grain of a set meets what is below: that of its start and of its fall, in a fluid the
     larger of its start's and its terminal one at most. A grain falls to the wall or a plane, less what those of its set
-    below it fill of the floor once they have settled, but at least as far as the lowest. A packing falls to what lies
-    below, and without fluid, which would brake it, its top on as it settles. Who falls longer than the run meets
-    nothing in it. Without fluid a shaken frame throws what falls, or what its weight does not hold.
+    below it fill of the floor once they have settled, but at least as far as the lowest, and less what sets that start
+    lower fill. A packing falls to what lies below, and without fluid, which would brake it, its top on as it settles.
+    Who falls longer than the run meets nothing in it. Without fluid a shaken frame throws what falls, or what its
+    weight does not hold.
     """
     group, pull = config.grains[i], math.hypot(*config.gravity)
     below = [k for k, g in enumerate(config.gravity) if abs(g) > 0.5 * pull and AXES[k] not in config.domain.periodic]
@@ -114,7 +115,8 @@ def impact_speed(config: LbmDemConfig, i: int) -> float:
         heights = (x[:, axis] if down else config.domain.size[axis] - x[:, axis]) - radius
         heights = np.minimum(heights, above_planes(config, x, radius))
         below_it = math.inf if lies(config, group) else filled(config, group, axis, x[:, axis] if down else -x[:, axis])
-        heights = np.maximum(heights - below_it, heights.min())
+        under = [other for other in config.grains if lower(config, other, group)]
+        heights = np.maximum(heights - below_it, heights.min()) - sum(settled_height(config, o, axis) for o in under)
     end = config.simulation.end_time
     met = (heights > 0.0) & (heights <= speeds * end + 0.5 * pull * end**2)
     falls = np.sqrt(2.0 * pull * np.where(met, heights, 0.0))
@@ -213,11 +215,6 @@ def start_time(config: LbmDemConfig, i: int) -> float:
     group, added = config.grains[i], ADDED[config.dimensions] * config.liquid.density
     pull = math.hypot(*config.gravity) * abs(group.density - config.liquid.density)
     return terminal_speed(config, i) * (group.density + added) / pull
-
-
-def whole_weight(config: LbmDemConfig, group: GrainSet) -> float:
-    """Weight of all grains of a set less their buoyancy, without its sign, N (N/m in 2D)."""
-    return sum(n * abs(weight_in_fluid(config, group, 2.0 * r * config.spacing)) for r, n in grains(config, group))
 
 
 def screen(config: LbmDemConfig) -> Iterator[Derived]:

@@ -32,6 +32,11 @@ def weight_in_fluid(config: LbmDemConfig, group: GrainSet, size: float) -> float
     return grain_mass(group, size, config.dimensions) * math.hypot(*config.gravity) * lighter
 
 
+def whole_weight(config: LbmDemConfig, group: GrainSet) -> float:
+    """Weight of all grains of a set less their buoyancy, without its sign, N (N/m in 2D)."""
+    return sum(n * abs(weight_in_fluid(config, group, 2.0 * r * config.spacing)) for r, n in grains(config, group))
+
+
 def heap(count: float, d: int) -> float:
     """How many diameters high so many grains lie where nothing but the slope of repose holds them: a wedge, a cone."""
     filled = 1.0 - LOOSE[d]
@@ -41,7 +46,7 @@ def heap(count: float, d: int) -> float:
 
 def layers_at_rest(config: LbmDemConfig, group: GrainSet) -> float:
     """How many diameters high the grains of a set lie on the floor, loosely packed, but at least one: on that of the
-    box, or what planes leave of it to a packing."""
+    box, or what planes leave of it to a packing. Packings above it count as so many more layers of it."""
     d, down = config.dimensions, int(np.argmax(np.abs(config.gravity)))
     size, height = group.largest_diameter, config.domain.size[down]
     solid = config.spacing**d * sum(n * volume(r, d) for r, n in grains(config, group))
@@ -49,7 +54,26 @@ def layers_at_rest(config: LbmDemConfig, group: GrainSet) -> float:
     if group.packing is not None and down == d - 1:
         ends, tops = packing_ends(config, group)
         floor = math.prod(top - end for end, top in zip(ends[:-1], tops))
-    return max(1.0, min(group.count, height / size, solid / (floor * (1.0 - LOOSE[d]) * size)))
+    own = max(1.0, min(group.count, height / size, solid / (floor * (1.0 - LOOSE[d]) * size)))
+    sets = [other for other in config.grains if other.moving and other.packing and lower(config, group, other)]
+    unit = weight_in_fluid(config, group, 1.0)
+    bears = [whole_weight(config, other) for other in sets if unit * weight_in_fluid(config, other, 1.0) > 0.0]
+    return own * (1.0 + sum(bears) / whole_weight(config, group)) if bears else own
+
+
+def lower(config: LbmDemConfig, group: GrainSet, other: GrainSet) -> bool:
+    """Whether the lowest grain of a set starts below that of another along gravity."""
+    down = int(np.argmax(np.abs(config.gravity)))
+    one, two = span(config, group, down), span(config, other, down)
+    return one.low < two.low if config.gravity[down] < 0.0 else one.high > two.high
+
+
+def smallest_below(config: LbmDemConfig, i: int) -> float:
+    """Diameter (m) of the smallest grain of the sets that start below a set, or without gravity of any other; infinite
+    without one."""
+    group, others = config.grains[i], [other for k, other in enumerate(config.grains) if k != i]
+    met = [other for other in others if not any(config.gravity) or lower(config, other, group)]
+    return min((other.smallest_diameter for other in met), default=math.inf)
 
 
 @lru_cache(maxsize=8)  # many grains take a while
@@ -141,6 +165,12 @@ def filled(config: LbmDemConfig, group: GrainSet, axis: int, height: NDArray) ->
     found = np.empty(len(height))
     found[order] = np.cumsum(volumes) - volumes
     return found / floor / (1.0 - LOOSE[d])
+
+
+def settled_height(config: LbmDemConfig, group: GrainSet, axis: int) -> float:
+    """How high (m) a set lies on the whole floor across an axis, loosely packed."""
+    d, floor = config.dimensions, math.prod(config.domain.size) / config.domain.size[axis]
+    return span(config, group, axis).solid / floor / (1.0 - LOOSE[d])
 
 
 def sinks(config: LbmDemConfig, group: GrainSet) -> float:

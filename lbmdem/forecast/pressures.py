@@ -13,8 +13,8 @@ from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived, judged
 from lbmdem.case.boundaries import Boundary, Obstacle, opening
 from lbmdem.case.config import AXES, LbmDemConfig
-from lbmdem.forecast.free_fall import drag_alone, ergun, stays, whole_weight
-from lbmdem.forecast.piles import Bed, lies, span
+from lbmdem.forecast.free_fall import drag_alone, ergun, stays
+from lbmdem.forecast.piles import Bed, lies, span, whole_weight
 from lbmdem.forecast.relaxation import key_of_tau, slower
 from lbmdem.physics.velocity_sets import CS2
 from lbmdem.setup.scene import Scene

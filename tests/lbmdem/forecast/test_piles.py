@@ -138,3 +138,32 @@ def landing(world, text, end):
             app.advance(20)
             deepest = max(deepest, app.scalars()["overlap"])
     return deepest
+
+
+def test_a_packing_bears_those_above_it():
+    """As if it were as many more layers of it; what lies below weighs nothing on it."""
+    law = 'diameters = { law = "beta"; min = 0.9e-3; max = 1.1e-3; count = %d; }; packing = { low = %g; };'
+    text = dry([], 0.02).replace("diameter = 1.0e-3; position = ();", law % (90, 0.0))
+    upper = "{ density = 5000.0; %s }" % (law % (60, 0.02))
+    both = text.replace("});", f"}}, {upper});")
+    alone, (below, above) = told(text), rests(both)
+    assert below == pytest.approx(alone.value * (1.0 + 60.0 * 5000.0 / (90.0 * 2500.0)), rel=1e-9)
+    assert above == told(text.replace("90", "60").replace("2500.0", "5000.0")).value
+
+
+def test_overlaps_of_a_grain_on_smaller_ones_are_over_their_diameter():
+    """Two of them bear it, in 2D, and stop it; below it are those of sets that start lower."""
+    row = [[1e-3 * (i + 0.5), 0.5e-3] for i in range(20)]
+    text = dry(row, 0.02)
+    onto = text.replace("});", "}, { density = 2500.0; diameter = 8.0e-3; position = [0.01, 0.015]; });")
+    assert rests(onto)[1] == pytest.approx(WEIGHT * 64.0 / 2.0, rel=1e-9)
+    fall = 0.015 - 0.004 - 20.0 * math.pi / 4.0 * 1e-6 / 0.02 / 0.8  # onto what the row fills
+    law, mass = contact_law(configure(loads(text))), 2500.0 * math.pi / 4.0 * 64e-6
+    depth = deepest_overlap(math.sqrt(2.0 * 9.81 * fall), mass, law)
+    assert told(onto, "overlap at impact").value == pytest.approx(depth / math.sqrt(2.0) / 1e-3, rel=1e-9)
+    alike = "grains[0].diameter=6.0e-3", "grains[0].position=[0.003, 0.003]"
+    assert "smaller" not in told(onto, "overlap at impact", *alike).source
+
+
+def rests(text):
+    return [one.value for one in derived(configure(loads(text))) if one.name == "overlap at rest"]
