@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from hpcpic.core.app.app import App, later, named
+from hpcpic.core.app.app import App, later, named, repeating
 from hpcpic.core.case.cases import shipped_with
 
 if TYPE_CHECKING:
@@ -55,6 +55,7 @@ APP = App(
     until=until,
     time_step=lambda config: config.time_step,
     grow=grow,
+    periods=lambda config: repeating(config.domain.size, config.domain.periodic),
     free=("description", "simulation.end_time", "simulation.blocks", "gauge", "output"),
     bench=later("lbmdem.bench", "bench"),
     bench_ranks=later("lbmdem.bench", "bench_ranks"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from hpcpic.core.app.app import App, later, named
+from hpcpic.core.app.app import App, later, named, repeating
 from hpcpic.core.case.cases import shipped_with
 
 if TYPE_CHECKING:
@@ -23,6 +23,12 @@ def until(config: SphConfig, t: float) -> tuple[str, ...]:
 def grow(config: SphConfig, factor: int) -> tuple[str, ...]:
     """The --set list of the same scene with `factor` times as many particles."""
     return (f"numerics.spacing={config.numerics.spacing / factor ** (1 / config.dimensions)!r}",)
+
+
+def periods(config: SphConfig) -> tuple[float, ...]:
+    """After which the domain repeats itself along each axis, m; infinite where it does not."""
+    low, high = config.domain.corners
+    return repeating([above - below for below, above in zip(low, high)], config.domain.periodic)
 
 
 def load() -> Make:
@@ -44,6 +50,7 @@ APP = App(
     until=until,
     time_step=later("sph.physics.stability", "time_step"),
     grow=grow,
+    periods=periods,
     free=("description", "simulation.end_time", "gauge", "output", "numerics.balance_period"),
     plots=named("sph.analysis.plots", "PLOTS"),
     plan=later("sph.forecast.plan", "plan"),

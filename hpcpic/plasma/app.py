@@ -33,6 +33,13 @@ def grow(config: PlasmaConfig, factor: int) -> tuple[str, ...]:
     return (f"grid.points={points}", f"simulation.space_length={lengths}", *particles)
 
 
+def mass(config: PlasmaConfig) -> float:
+    """Mass of all particles, kg."""
+    from hpcpic.plasma.setup.macro_particles import macro_mass
+
+    return sum((species.particles or 0) * macro_mass(config, species) for species in config.species)
+
+
 def load() -> Make:
     """The model of a case."""
     from hpcpic.plasma.step import Plasma
@@ -52,6 +59,8 @@ APP = App(
     until=until,
     time_step=lambda config: config.simulation.time_step,
     grow=grow,
+    mass=mass,
+    periods=lambda config: config.simulation.space_length,
     stop_sem=lambda config: config.simulation.stop_SEM,
     free=(
         "description",

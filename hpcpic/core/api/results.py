@@ -149,7 +149,7 @@ class Run:
 
         if not isinstance(other, Run) or other._app.name != self._app.name:
             raise ConfigError(f"a run of {self._app.name} is compared with another one (got {other!r})")
-        return compared(self._files, other._files)
+        return compared(self._files, other._files, self._app)
 
     def plot(self, name: str = "", step: int | None = None) -> Figure:
         """One of the `figures` of the run, as `plot` draws it; notebooks show it. Raises ConfigError where the run

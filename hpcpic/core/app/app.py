@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
@@ -40,6 +41,10 @@ class App:
     # (config, factor): the --set list of a scene so many times as large, for weak scaling; ValueError where it cannot
     # grow
     grow: Callable[[Any, int], tuple[str, ...]] | None = None
+    mass: Callable[[Any], float] | None = None  # (config): of all particles, kg, where the series does not tell it
+    periods: Callable[[Any], tuple[float, ...]] | None = (
+        None  # (config): after which the box repeats along each axis, m
+    )
     stop_sem: Callable[[Any], float] = lambda config: 0.0  # (config): relative error of the mean step that ends a run
     free: tuple[str, ...] = ()  # keys, or groups of keys, that a restart may change
     bench: Callable[[bool], Mapping[str, float]] | None = None  # (quick): rates of the kernels on this machine
@@ -69,6 +74,11 @@ class App:
 
 
 AppLoader = Callable[[], App]
+
+
+def repeating(lengths: Sequence[float], axes: Collection[str]) -> tuple[float, ...]:
+    """Periods, m, of a box of these lengths that repeats along some of x, y and z."""
+    return tuple(length if axis in axes else math.inf for axis, length in zip("xyz", lengths))
 
 
 def named(module: str, name: str) -> Callable[[], Any]:

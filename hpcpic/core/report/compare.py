@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -9,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hpcpic.core.app.app import AppLoader
+from hpcpic.core.app.app import App, AppLoader
 from hpcpic.core.app.text import shown, table
-from hpcpic.core.errors import CheckFailed
+from hpcpic.core.errors import CheckFailed, ConfigError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -58,17 +59,32 @@ class Comparison:
         return found if found or self.differences or self.same_state else ["nothing in common to compare"]
 
 
-def compared(a: Run, b: Run) -> Comparison:
-    """Series, last snapshots and final states of two runs."""
+def compared(a: Run, b: Run, app: App) -> Comparison:
+    """Series, last snapshots and final states of two runs of a program."""
     digests = [run.summary.get("state_digest") for run in (a, b)]
     same = None not in digests and digests[0] == digests[1]
-    found = [*_series(a, b, same), *_fields(a, b), *_particles(a, b)]
+    config = _case_of(a, app)
+    mass = app.mass(config) if config is not None and app.mass else 0.0
+    periods = app.periods(config) if config is not None and app.periods else ()
+    found = [*_series(a, b, same, mass), *_fields(a, b), *_particles(a, b, periods)]
     return Comparison(
         tuple(one for one in found if isinstance(one, Difference)),
         tuple(one for one in found if isinstance(one, str) and not isinstance(one, Note)),
         tuple(one for one in found if isinstance(one, Note)),
         same,
     )
+
+
+def _case_of(run: Run, app: App) -> Any:
+    """The config of a run, None where this process cannot read it, as one with physics of somebody else's own."""
+    from hpcpic.core.app.use import import_kept
+    from hpcpic.core.case.config import loads
+
+    try:
+        import_kept(run.summary, run.rundir.given)
+        return app.configure(loads(run.config, run.config_file))
+    except ConfigError:
+        return None
 
 
 def make_compare_command(app_loader: AppLoader) -> click.Command:
@@ -88,17 +104,19 @@ def make_compare_command(app_loader: AppLoader) -> click.Command:
         Exit code 3 when anything differs by more than --tol, or is in one of them only.
 
         The largest value of a column of the series is that of all components, modes, slices and numbers of its kind
-        (momentum_x and momentum_y; mode_1_re and mode_2_im): one that is 0 by symmetry differs by rounding alone.
+        (momentum_x and momentum_y; mode_1_re and mode_2_im), of a momentum at least sqrt(2 m E) of all mass at the
+        kinetic energy: one that is 0 by symmetry differs by rounding alone. Places differ by the shortest way, through
+        the sides along which the box repeats.
         Series that were sampled at other times are compared at the times that they share, else b interpolated in time;
         where the final states are the same bits, as of a restarted run, what that makes of the series is told and does
         not count. Last snapshots are compared if they are of one time, whatever their steps.
         """
         from hpcpic.core.files.reader import open_run
 
-        program = app_loader().name
-        runs = (open_run(a, program), open_run(b, program))
+        app = app_loader()
+        runs = (open_run(a, app.name), open_run(b, app.name))
         _print_configs(*runs)
-        found = compared(*runs)
+        found = compared(*runs, app)
         _print_differences(found.differences, tol)
         _print_timers(*runs)
         click.echo(f"final state: {'the same bits' if found.same_state else _not_same(runs)}")
@@ -161,8 +179,8 @@ def kind_of(column: str) -> str:
     return re.sub(r"(_(\d+|[xyz]|re|im))+$", "", column)
 
 
-def _series(a: Run, b: Run, same_end: bool = False) -> Iterator[Difference | str]:
-    """same_end: the final states are the same bits."""
+def _series(a: Run, b: Run, same_end: bool = False, mass: float = 0.0) -> Iterator[Difference | str]:
+    """same_end: the final states are the same bits. mass: of all particles of a, kg, where no column tells it."""
     have = [(run.path / "series.h5").exists() for run in (a, b)]
     if have[0] != have[1]:
         yield f"series: only in {a.path if have[0] else b.path}"
@@ -188,6 +206,9 @@ def _series(a: Run, b: Run, same_end: bool = False) -> Iterator[Difference | str
     scales: dict[Any, float] = {}
     for name, kind in kinds.items():
         scales[kind] = max(scales.get(kind, 0.0), _largest(first[name][match.rows]))
+        if kind[0] == "momentum" and "energy_kinetic" in first:
+            most = _largest(first["mass"][match.rows]) if "mass" in first else mass
+            scales[kind] = max(scales[kind], math.sqrt(2 * most * _largest(first["energy_kinetic"][match.rows])))
     for name, kind in kinds.items():
         if name in match.values:
             apart = difference(f"series {name}", first[name][match.rows], match.values[name], scales[kind])
@@ -261,7 +282,8 @@ def _fields(a: Run, b: Run) -> Iterator[Difference | str]:
             yield difference(f"field {name}, {at}", a.field(name), b.field(name))
 
 
-def _particles(a: Run, b: Run) -> Iterator[Difference | str]:
+def _particles(a: Run, b: Run, periods: Sequence[float]) -> Iterator[Difference | str]:
+    """periods: after which the box repeats along each axis, m; infinite where it does not."""
     at = yield from _same_last("particles", a, b)
     if not at:
         return
@@ -276,7 +298,17 @@ def _particles(a: Run, b: Run) -> Iterator[Difference | str]:
                 if name in second and not _same_time(*times):
                     yield Note(f"{species} {name}: {times[0]:+g} and {times[1]:+g} s from the positions, not compared")
                 elif name in second:
-                    yield difference(f"{species} {name}, {at}", first[name], second[name])
+                    near = _nearest(first[name], second[name], periods) if name == "position" else second[name]
+                    yield difference(f"{species} {name}, {at}", first[name], near)
+
+
+def _nearest(a: NDArray, b: NDArray, periods: Sequence[float]) -> NDArray:
+    """b [n, d], each place as the one of its images in a box that repeats which is nearest to that of a."""
+    near = b.copy()
+    for axis, period in enumerate(periods if a.shape == b.shape else ()):
+        if math.isfinite(period):
+            near[:, axis] += period * ((a[:, axis] - b[:, axis]) / period).round()
+    return near
 
 
 def _same_last(kind: str, a: Run, b: Run) -> Generator[str, None, str]:

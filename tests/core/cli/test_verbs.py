@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from app_runner import TIMEOUT_S, launch
 from click.testing import CliRunner
+from toy_app import APP as TOY
 from toy_runner import ROOT, RUN_A, environment
 
 from hpcpic.__main__ import load_app
@@ -231,10 +232,10 @@ def test_compare_takes_last_snapshots_of_one_time_not_of_one_step(toy):
             with h5py.File(toy.folder / f"{name}/{kind}.vtkhdf", "r+") as file:
                 file[where][...] = file[where][...] * factor
     a, b, c = (open_run(toy.folder / name) for name in "abc")
-    assert [one.what for one in compared(a, a).differences][-1] == "points u, step 20"
-    assert [one.what for one in compared(a, b).differences][-1] == "points u, t = 0.0195312 s"
+    assert [one.what for one in compared(a, a, TOY).differences][-1] == "points u, step 20"
+    assert [one.what for one in compared(a, b, TOY).differences][-1] == "points u, t = 0.0195312 s"
     apart = "last snapshot at t = 0.0195312 s (step 20) and 0.0390625 s (step 20)"
-    assert compared(a, c).missing == tuple(f"{kind}: {apart}" for kind in ("fields", "particles"))
+    assert compared(a, c, TOY).missing == tuple(f"{kind}: {apart}" for kind in ("fields", "particles"))
 
 
 def test_compare_of_runs_without_output_looks_at_their_final_states(toy):

@@ -1,9 +1,16 @@
-"""`compare`: runs whose steps have other lengths are compared in time."""
+"""`compare`: runs whose steps have other lengths are compared in time, places through the sides of a periodic box."""
 
+import math
+
+import numpy as np
+import pytest
+
+import hpcpic
+from hpcpic.core.app.app import repeating
 from hpcpic.core.files.reader import open_run
 from hpcpic.core.files.rundir import RunDir
 from hpcpic.core.files.series import SeriesWriter
-from hpcpic.core.report.compare import Note, _series, kind_of
+from hpcpic.core.report.compare import Note, _nearest, _series, kind_of
 
 
 def run_of(folder, times, rate=3.0, **columns):
@@ -71,3 +78,40 @@ def test_a_column_is_measured_by_the_largest_of_its_kind(tmp_path):
     assert relative["series energy_field"] > 1  # nothing of its kind is larger
     kinds = {kind_of(name) for name in ("force_disc_x", "force_disc_y", "stress_zz_1", "energy_total", "level_2")}
     assert kinds == {"force_disc", "stress_zz", "energy_total", "level"}
+
+
+def test_a_momentum_that_is_rounding_is_measured_by_all_mass_at_the_kinetic_energy(tmp_path):
+    """Of particles that fly both ways alike momentum is 0 but for rounding: sqrt(2 m E) is theirs. A column of the mass
+    comes first.
+    """
+    told = []
+    for mass in ({}, {"mass": 8.0}):
+        a, b = (
+            run_of(tmp_path / f"{p}{len(mass)}", [0.0], momentum_x=p, energy_kinetic=1.0, **mass)
+            for p in (1e-17, 4e-17)
+        )
+        told.append(
+            [{one.what: one.relative for one in _series(a, b, False, m)}["series momentum_x"] for m in (0.0, 2.0)]
+        )
+    assert told == [[pytest.approx(3.0), pytest.approx(1.5e-17)], [pytest.approx(0.75e-17)] * 2]
+
+
+def test_places_are_compared_by_the_shortest_way_through_periodic_sides():
+    """A particle just inside of one side is next to one just inside of the other; beyond a wall it is far from it."""
+    a, b = np.array([[0.01, 0.2, 0.0]]), np.array([[1.99, 2.9, 0.0]])
+    np.testing.assert_allclose(_nearest(a, b, repeating((2.0, 3.0), "x")), [[-0.01, 2.9, 0.0]])
+    np.testing.assert_allclose(_nearest(a, b, (2.0, 3.0)), [[-0.01, -0.1, 0.0]])
+    assert repeating((2.0, 3.0), "y") == (math.inf, 3.0)
+
+
+def test_runs_of_a_plasma_that_cross_a_side_at_other_steps_are_alike(tmp_path):
+    """Two electrons that rest but for a drift of one part in 1000: one ends on this side of the box, one beyond."""
+    case = hpcpic.Case(
+        simulation={"cycles": 10, "time_step": 0.1, "space_length": [4.0]}, grid={"points": [4]},
+        species=[{"name": "e", "charge": -1e-9, "mass": 1.0, "start": {"position": [[2.999]], "velocity": [[1.0]]}}],
+        output={"every": {"particles": 10}},
+    )  # fmt: skip
+    far = case.changed({"species[0].start": {"position": [[3.001]], "velocity": [[1.0]]}})
+    one, other = (c.run(tmp_path / n, threads=1, quiet=True) for n, c in (("a", case), ("b", far)))
+    (place,) = [d for d in one.compare(other).differences if d.what.startswith("e position")]
+    assert place.max == pytest.approx(0.002) and place.relative < 1e-3
