@@ -17,6 +17,8 @@ from hpcpic.plasma.forecast.scales import (
     total_plasma_frequency,
 )
 from hpcpic.plasma.physics.quiet_start import lattice
+from hpcpic.plasma.physics.shapes import SHAPES
+from hpcpic.plasma.physics.species_fields import asked_for
 from hpcpic.plasma.setup.loaders import Loader, Quiet, loader_of, random_places
 from hpcpic.plasma.setup.macro_particles import macro_charge, macro_mass
 from hpcpic.plasma.sizes import WHOLE_BITS
@@ -33,6 +35,8 @@ ALONG_X, ELSEWHERE = 1.0, 3.0
 QUIET_UNTIL = 10.0
 MIN_PARTS = 20.0  # of a cell, 2^-20 each, that a wave moves a cold species in a step
 MAX_START_NOISE = 0.5  # field of a random start over heat, in 1D: with more, seeds differ in heating by more than 2
+MOST_LOW = 0.02  # of the temperature of a species at nodes
+MOST_KNOWN = 0.25  # of it, that a mean over nodes can be corrected by: measured 0.20 to 0.23 for 0.22 told
 BALLS = {1: ("length", 1.0), 2: ("circle", math.pi), 3: ("sphere", 4 / 3 * math.pi)}  # by axes, of radius 1
 
 
@@ -43,6 +47,7 @@ def noise(config: PlasmaConfig) -> Iterator[Derived]:
         if species.perturbation and species.particles and random_places(species):
             yield from wave_over_noise(config, i, species)
     yield from rounding(config)
+    yield from node_temperatures(config)
 
 
 def per_debye_length(config: PlasmaConfig, i: int, species: Species) -> Iterator[Derived]:
@@ -144,6 +149,26 @@ def ways_to_edge(config: PlasmaConfig, species: Species) -> Iterator[float]:
     for n, m in zip((sides or ()) if quiet else (), points):
         common = math.gcd(n, m)
         yield 0.0 if (n // common) % 2 and (m // common) % 2 else common / (2 * n)
+
+
+def node_temperatures(config: PlasmaConfig) -> Iterator[Derived]:
+    """By how much the temperature at nodes is low, as it is about the mean velocity of the few particles there: of N
+    samples the variance is 1 - 1/N of the true one on average (Bessel).
+    """
+    if "T" not in {field.name for field in asked_for(config)}:
+        return
+    axes = sum(n > 1 for n in config.points)
+    for i, species in enumerate(config.species):
+        if not species.particles or not any(thermal_velocities(config, species)):
+            continue
+        low = min(SHAPES[config.numerics.shape].own_share(axes) * config.cells / species.particles, 1.0)
+        name, cure = f"T_{species.name} is low by", more_particles(i, species, low / MOST_LOW)
+        yield judged(
+            name, "1 - <T>/T", low, limit=f"< {MOST_LOW:g}", ok=low < MOST_LOW, legal=True, key=("output", "fields"),
+            source="about the mean velocity of the few particles of a node: 1 - 1/N of N samples", cure=", or ".join(
+                filter(None, [cure, f"divide means of T_{species.name} by {1 - low:.3g}" if low < MOST_KNOWN else ""])
+            ) or "fewer points",
+        )  # fmt: skip
 
 
 def noise_over_wave(config: PlasmaConfig, mode: tuple[int, ...]) -> float:

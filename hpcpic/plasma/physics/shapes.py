@@ -33,6 +33,10 @@ class Shape:
         """Coefficients of the field that a block keeps for a tile: as many for each component of E, in 1D as in 2D."""
         return max(dimensions, 2) * self.charge_scratch(dimensions)
 
+    def own_share(self, axes: int) -> float:
+        """Mean of the sum of W^2 over the nodes: what a node has of one particle, where each has one on average."""
+        return {1: 1.0, 2: 2 / 3, 3: 11 / 20}[self.nodes] ** axes
+
     def cold_response(self, angle: float) -> float:
         """What a grid of centred differences leaves of the squared frequency of a cold wave that turns by `angle` from
         node to node, beside Poisson's equation on it: the sum over the wave's aliases of S^2(k_p) k_p sin(angle)/dx

@@ -77,7 +77,7 @@ def unit_in(unit: str, dimensions: int) -> str:
 
 
 def temperature(sample: NodeSample) -> NDArray[np.float64]:
-    """m <|v - u|^2> / (components of v), J. Of N particles at a node it is low by about 1/N."""
+    """m <|v - u|^2> / (components of v), J. Of N particles at a node it is low by 1/N (check tells)."""
     u = sample[VELOCITY]
     return sample.m / u.shape[-1] * (sample[SPEED_SQUARED] - (u * u).sum(axis=-1))
 
