@@ -105,7 +105,7 @@ def two(knobs: Knobs, pair: str) -> tuple[Knob, Knob]:
 
 
 def tell(limits: Limits, axis: Axis, limit: Limit, rates: list[tuple[float, float]]) -> None:
-    from hpcpic.core.study.bisection import BLOWUP, RESOLUTION
+    from hpcpic.core.study.bisection import AGREE, BLOWUP, RESOLUTION
 
     knob, own = axis.knob, limits.case_sizes[axis.knob.name]
     if math.isfinite(limit.x):
@@ -119,6 +119,8 @@ def tell(limits: Limits, axis: Axis, limit: Limit, rates: list[tuple[float, floa
                 f"            {number.symbol} = {ratio * axis.theory:.4g}, theory {axis.theory:g} ({number.source}): "
                 f"measured/theory = {ratio:.3f}"
             )
+            if limit.x > AGREE:
+                click.echo(saturated(axis))
         click.echo(f"            {confirmed(limits, axis, limit)}")
         click.echo(f"the case    {knob.name} = {knob.shown(own):.4g} {knob.unit} is {own / size:.3g} of it")
         click.echo(strip(axis.x(own) / limit.x))
@@ -130,11 +132,7 @@ def tell(limits: Limits, axis: Axis, limit: Limit, rates: list[tuple[float, floa
         if axis.size(limit.stable) * RESOLUTION >= knob.largest:
             click.echo(f"            larger ones are no sizes of this case: {knob.beyond}")
         if axis.number is not None:
-            theory = f"{knob.shown(axis.size(1.0)):.4g} {knob.unit}".strip()
-            click.echo(
-                f"            beyond the theory's limit of {theory} what grows ends before that in this scene; "
-                "a calmer one, as of a single small wave, shows the limit"
-            )
+            click.echo(saturated(axis))
     else:
         last = f"{knob.name} = {knob.shown(axis.size(limit.unstable or 0.0)):.4g} {knob.unit}"
         click.echo(f"measured    unstable down to {last}")
@@ -145,6 +143,15 @@ def tell(limits: Limits, axis: Axis, limit: Limit, rates: list[tuple[float, floa
     if any(rate > 0.0 for _, rate in rates):  # none of what diverges without growth before
         click.echo("slow growth, no limit; rate of growth:" if limit.slow else "rate of growth:")
         table((with_unit(knob), "1/s"), [(shown(knob.shown(s)), shown(rate, ".3g")) for s, rate in rates])
+
+
+def saturated(axis: Axis) -> str:
+    """A sentence on a scene in which less grows than what counts as unstable, beyond the limit of theory."""
+    theory = f"{axis.knob.shown(axis.size(1.0)):.4g} {axis.knob.unit}".strip()
+    return (
+        f"            beyond the theory's limit of {theory} what grows ends before that in this scene; "
+        "a calmer one, as of a single small wave, shows the limit"
+    )
 
 
 def confirmed(limits: Limits, axis: Axis, limit: Limit) -> str:

@@ -126,6 +126,13 @@ def test_a_case_beyond_its_limit_and_a_limit_below_the_theory_are_exit_3(program
     assert done.returncode == 3 and "of the theory's" in done.stderr
 
 
+def test_a_limit_beyond_the_theory_is_no_proof_against_it(program):  # noqa: F811
+    """As of a cold plasma at wp dt = 2.4, whose waves warm it until they end: 1.29 times theory, without a word."""
+    done = program("stability", "-o", "c", limit=0.7)
+    assert done.returncode == 0 and "measured/theory = 1.4" in done.stdout
+    assert "beyond the theory's limit of 0.5 s what grows ends before that in this scene; a calmer one" in done.stdout
+
+
 def test_a_map_follows_the_limit_over_a_second_knob(program, tmp_path, monkeypatch):  # noqa: F811
     monkeypatch.setattr(bisection, "COLUMNS", (0.5, 1.0))
     done = program("stability", "--map", "dt,dx", "-o", "out", steps=40)
