@@ -226,8 +226,8 @@ class Budget:
         return max(theory, self.pilots.foreseen(sizes, self.time, others) / self.foreseen)
 
     def affordable(self, cost: float) -> bool:
-        """True if the search may run pilots of this cost."""
-        return self.used + cost <= self.share
+        """True if the search may run pilots of this cost; those that were run cost nothing, whatever is left."""
+        return not cost or self.used + cost <= self.share
 
 
 def value_of(pilot: Pilot, measure: Any) -> NDArray[np.float64]:

@@ -8,6 +8,7 @@ import pytest
 from test_tradeoff import program  # noqa: F401
 
 from hpcpic.core.study import proposals, recommend
+from hpcpic.core.study.pilot import Budget
 
 WORDS = ("tradeoff", "-o", "out", "--knobs", "dx", "--tolerance")
 
@@ -25,6 +26,16 @@ def test_what_is_not_certified_is_told_by_the_sum_that_is_beyond_the_tolerance(p
     assert error < allowed and unknown < allowed < both == pytest.approx(error + unknown, abs=0.11)  # as rounded
     marked = next(line for line in done.stdout.splitlines() if line.startswith("marked "))
     assert shares(marked) == [error, unknown, both, allowed]
+
+
+def test_a_pilot_that_was_run_costs_nothing_whatever_is_left():
+    """`left out: dx = 0.014 would cost 0 pilots`, where a finer one had taken more than foretold."""
+
+    class Spent(Budget):
+        used, share = 10.2, 10.0
+        __init__ = object.__init__
+
+    assert Spent().affordable(0.0) and not Spent().affordable(0.1)
 
 
 @pytest.mark.parametrize("noise, offered", [(3.0, False), (0.05, True)])
