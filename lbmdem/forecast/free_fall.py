@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from hpcpic.core.case.derived import Derived, judged
 from hpcpic.core.space.products import product
+from lbmdem.case.boundaries import ends_between_planes
 from lbmdem.case.config import AXES, GrainSet, LbmDemConfig
 from lbmdem.forecast.node_shares import grains, volume
 from lbmdem.forecast.piles import filled, lies, lower, settled_height, sinks, standing, weight_in_fluid, whole_weight
@@ -23,6 +24,7 @@ DRIFT = 0.25  # of the speed of a lone grain: beyond it a box that nothing holds
 PEAK = 4.0  # times the estimate of a flow past grains: wakes shelter the next grain, pores differ; measured up to 3.5
 ADDED = {2: 1.0, 3: 0.5}  # mass of a disc and of a sphere in a fluid, of what they displace
 SWING = 0.03  # of the speed of a grain, by sound
+ROUGH = 1e-3  # least gap over the radius, as films have it while grains touch
 LAYER = 1.13  # sqrt(Re) delta/D of the boundary layer where the flow divides (Schlichting & Gersten, ch. 5)
 
 
@@ -32,11 +34,23 @@ def drag_coefficient(reynolds: float) -> float:
 
 
 def terminal_speed(config: LbmDemConfig, i: int) -> float:
-    """Speed (m/s) at which the largest grain of a set falls alone; of a disc the lesser of Stokes's and that of a drag
-    coefficient of 1."""
-    group = config.grains[i]
+    """Speed (m/s) at which the largest grain of a set falls alone; of a disc the least of Stokes's, that of a drag
+    coefficient of 1 and that of creeping flow in the middle between walls along its fall."""
+    group, nu = config.grains[i], config.liquid.kinematic_viscosity
     pull = math.hypot(*config.gravity) * abs(group.density / config.liquid.density - 1.0)
-    return speed_alone(config, group.largest_diameter, pull)
+    size = group.largest_diameter
+    return min(speed_alone(config, size, pull), pull * size**2 / (18.0 * nu) * between_walls(config, size))
+
+
+def between_walls(config: LbmDemConfig, size: float) -> float:
+    """Speed of a disc that falls in the middle of a channel that is closed below, over Stokes's of `speed_alone`; 1
+    without walls. Its drag is 9 sqrt(2) pi mu U h^-2.5 (lubrication, of what it drives up beside it) times
+    1 + h + 0.52 h^2, with h the gap over the radius: within 5 % of Faxen 1946 from h = 1 on, 2 % of runs at 0.15."""
+    down = int(np.argmax(np.abs(config.gravity)))
+    across = config.walled(down) if config.dimensions == 2 and AXES[down] not in config.unwalled else ()
+    ends, tops = ends_between_planes(config.domain.size, config.obstacle)
+    h = min((max(ROUGH, (tops[k] - ends[k]) / size - 1.0) for k in across), default=math.inf)
+    return min(1.0, h**2.5 / (math.sqrt(8.0) * (1.0 + h + 0.52 * h * h))) if h < 5.0 else 1.0
 
 
 def speed_alone(config: LbmDemConfig, size: float, pull: float) -> float:
@@ -240,6 +254,7 @@ def falling(config: LbmDemConfig, i: int) -> Iterator[Derived]:
         return
     source = "Schiller & Naumann 1933" if config.dimensions == 3 else "Stokes; drag coefficient 1 of a disc"
     name, size = config.grains[i].name or f"grains_{i + 1}", config.grains[i].largest_diameter
+    source += "; in the middle between walls" if between_walls(config, size) < 1.0 else ""
     reynolds = v * size / fluid.kinematic_viscosity
     yield Derived(f"speed of {name}, alone", "v", v, "m/s", source=source)
     yield Derived(f"Reynolds number of {name}, alone", "v D/nu", reynolds)

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.case.derived import Derived, judged, rounded_down
+from lbmdem.case.boundaries import ends_between_planes
 from lbmdem.case.config import AXES, LbmDemConfig, whole_spacing
 from lbmdem.forecast.free_fall import stays
 from lbmdem.forecast.piles import span, standing, weight_in_fluid
@@ -35,7 +36,10 @@ MOST_OFF = 0.05  # of the flow, which may then be off by 0.12
 
 
 def throats(config: LbmDemConfig) -> Iterator[Derived]:
-    """The narrowest gaps beside discs that stay at positions that the case gives, in nodes."""
+    """The narrowest gaps beside discs that stay at positions that the case gives, in nodes, and beside discs that move
+    and leave the fluid no other way."""
+    if config.grains_move and not config.coupling.frozen:
+        yield from beside_pistons(config)
     sets = [group for group in config.grains if not group.moving and len(group.centres)]
     if config.dimensions == 3 or not sets:
         return
@@ -52,6 +56,24 @@ def throats(config: LbmDemConfig) -> Iterator[Derived]:
                 f"narrowest gap between {beside}", "h/dx", gap / config.spacing, legal=True, limit=f">= {least:g}",
                 ok=gap >= least * config.spacing * (1.0 - 1e-9), source=f"flow through it, off by {source}",
                 key=SPACING, cure=f"domain.spacing = {fine:.9g} resolves it",
+            )  # fmt: skip
+
+
+def beside_pistons(config: LbmDemConfig) -> Iterator[Derived]:
+    """The gaps on both sides of a disc that moves in the middle between walls, where it fills more than half of them.
+    Measured is how fast it sinks, with gaps of 0.15 and 0.35 of its radius."""
+    ends, tops = ends_between_planes(config.domain.size, config.obstacle)
+    for i, group in enumerate(config.grains):
+        size, name = group.largest_diameter, group.name or f"grains_{i + 1}"
+        rooms = [tops[k] - ends[k] for k in range(2) if AXES[k] not in config.unwalled]
+        gap = min([0.5 * (room - size) for room in rooms if room < 2.0 * size], default=math.inf)
+        if group.moving and config.dimensions == 2 and CLOSED * config.spacing < gap < math.inf:
+            fine = whole_spacing(config.domain.size, gap / BESIDE_WALLS) or rounded_down(gap / BESIDE_WALLS)
+            yield judged(
+                f"gaps beside {name} in the middle between walls", "h/dx", gap / config.spacing, legal=True,
+                limit=f">= {BESIDE_WALLS:g}", ok=gap >= BESIDE_WALLS * config.spacing * (1.0 - 1e-9), key=SPACING,
+                source="speed at which it sinks, too fast by 8 to 39 % at 1 and 1.5, 1 to 5 at 2",
+                cure=f"domain.spacing = {fine:.9g} resolves them",
             )  # fmt: skip
 
 

@@ -123,3 +123,30 @@ def test_no_swing_is_told_where_nothing_falls_between_walls(sets):
         assert one.value == pytest.approx(0.6 * told(RELEASED, SWINGS).value, rel=0.03)
     else:
         assert one is None
+
+
+@pytest.mark.parametrize("share", [0.2, 0.3, 0.5])
+def test_a_disc_between_walls_falls_with_the_speed_of_faxen(share):
+    """Faxen 1946, for a channel that is closed below; a plane narrows it as a wall does."""
+    creeping, alone = "gravity=[0.0, -1e-6]", "speed of grains_1, alone"
+    size = share * 0.006
+    drag = math.log(1.0 / share) - 0.9157 + 1.7244 * share**2 - 1.7302 * share**4 + 2.4056 * share**6
+    drag -= 4.5913 * share**8
+    speed = 100.0 * 1e-6 * math.pi / 4.0 * size**2 / (4.0 * math.pi * 0.1) * drag
+    sets = creeping, f"grains[0].diameter={size}"
+    assert told(RELEASED, alone, *sets).value == pytest.approx(speed, rel=0.04)
+    plane = "obstacle=({ shape = { plane = { point = [0.001, 0.0]; normal = [1.0, 0.0]; }; }; })"
+    narrower = told(RELEASED, alone, *sets, "domain.size=[0.007, 0.01]", "grains[0].position=[0.004, 0.0065]", plane)
+    assert narrower.value == told(RELEASED, alone, *sets).value
+    stokes = 100.0 * 1e-6 * size**2 / (18.0 * 0.1)
+    for free in ('domain.periodic=["x"]', 'domain.periodic=["y"]'):
+        assert told(RELEASED, alone, *sets, free).value == pytest.approx(stokes, rel=1e-9)
+
+
+def test_a_disc_that_fills_its_channel_hardly_falls():
+    """As h^2.5 of the gap h over its radius, for what it drives up beside it; the swing is told of that speed."""
+    alone, creeping = "speed of grains_1, alone", "gravity=[0.0, -1e-6]"
+    fills = [(creeping, f"grains[0].diameter={0.006 / (1.0 + h)}") for h in (0.01, 0.02)]
+    thin, thick = (told(RELEASED, alone, *sets).value for sets in fills)
+    assert thick / thin == pytest.approx(2.0**2.5, rel=0.04)
+    assert told(RELEASED, SWINGS, *fills[0]).value > 100.0 * told(RELEASED, SWINGS, creeping).value

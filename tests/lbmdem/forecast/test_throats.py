@@ -54,6 +54,20 @@ def test_what_is_closed_moves_or_is_open_makes_no_throat():
     assert not told("simulation.dimensions=3", "fluid.body_force=[0.0, 0.0, 1e-4]", *cube)
 
 
+def test_a_disc_that_leaves_the_fluid_no_other_way_has_its_gaps_told():
+    """Where it moves and fills more than half of the room between walls, or planes; measured 2 nodes are enough."""
+    channel = "grains[0].moving=true", 'domain.periodic=["y"]', "grains[0].diameter=0.017"
+    found = told(*channel)["gaps beside grains_1 in the middle between walls"]
+    assert found.value == pytest.approx(1.5) and found.verdict == "warn"
+    assert not [
+        one for one in told(*channel, f"domain.spacing={found.cure.split()[2]}").values() if one.verdict != "ok"
+    ]
+    assert not told(*channel[1:]).keys() & {found.name} and not told(*channel, "grains[0].diameter=0.009")
+    assert not told(*channel, 'domain.periodic=["x", "y"]') and not told(*channel, "coupling.frozen=true")
+    plane = "obstacle=({ shape = { plane = { point = [0.001, 0.0]; normal = [1.0, 0.0]; }; }; })"
+    assert told(*channel, plane)[found.name].value == pytest.approx(1.0)
+
+
 def test_many_discs_have_the_narrowest_of_all_pairs():
     """Against every pair, with the images of each."""
     x, n = np.random.default_rng(5).uniform(0.0, 1.0, (60, 2)), 60
