@@ -53,6 +53,17 @@ def corners(shape: Shape) -> list[Point]:
     return list(itertools.product(*zip(*bounds(shape))))
 
 
+def outline(shape: Shape) -> Sequence[Point]:
+    """The corners in turn of a polygon, and of a strip in 2D; none of other shapes."""
+    strip = shape.cylinder
+    if strip and len(strip.base) == 2:
+        (a, b), (c, d) = strip.base, strip.top
+        along = math.hypot(c - a, d - b) or 1.0
+        x, y = -strip.radius * (d - b) / along, strip.radius * (c - a) / along
+        return (a - x, b - y), (c - x, d - y), (c + x, d + y), (a + x, b + y)
+    return shape.polygon.corners if shape.polygon else ()
+
+
 def middle(shape: Shape) -> Point:
     return tuple((a + b) / 2 for a, b in zip(*bounds(shape)))
 

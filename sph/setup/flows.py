@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hpcpic.core.files.start import arrays
+from hpcpic.core.files.start import Start, arrays
 from hpcpic.core.space.elementary import cos, cosh, sin, sinh
 from hpcpic.core.space.products import product
 from sph.case import geometry
@@ -18,6 +19,7 @@ from sph.setup.particle_lattices import even
 from sph.setup.tanks import holds
 
 TERMS = 60  # of the double sine series in each direction
+GAP = 3.0  # spacings between particles over each other, beyond which they are drops over a fluid, or a body is between
 
 
 class Liquid(Protocol):
@@ -45,26 +47,96 @@ def depth(scene: Liquid, fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
 
 def surface(scene: Liquid, fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
     """Heights[n] against gravity of the free surface of a fluid over points, m: that which the case gives, else the top
-    of its shape. Of a polygon it is its upper side over a point, which may slope, as far as no wall lies on that; under
-    walls it goes on from one such place to the next.
+    of its shape. Of arrays, polygons, strips, and boxes under oblique gravity it is their own upper side over a point,
+    as far as no wall lies on that; under walls it goes on from one such place to the next.
     """
-    if fluid.surface is not None or not fluid.shape.polygon:
-        return np.full(len(x), heights(scene, fluid)[1] if fluid.surface is None else fluid.surface)
-    z = up(scene)
-    along, corners, dp = np.array([z[1], -z[0]]), np.array(fluid.shape.polygon.corners), scene.spacing
-    ends = np.stack([product(corners, along), product(corners, z)], axis=1)
+    if fluid.surface is not None:
+        return np.full(len(x), fluid.surface)
+    z, corners, box = up(scene), geometry.outline(fluid.shape), fluid.shape.box
+    if fluid.start and "position" in arrays(fluid.start):
+        return nearest_top(scene, fluid, *columns_of(fluid.start, tuple(z.tolist()), scene.spacing), x)
+    if box and np.count_nonzero(z) > 1:
+        return nearest_top(scene, fluid, *columns_in(box.low, box.high, tuple(z.tolist()), scene.spacing / 2), x)
+    if not corners:
+        return np.full(len(x), heights(scene, fluid)[1])
+    along = across(z)[0]
+    ends = np.stack([product(np.array(corners), along), product(np.array(corners), z)], axis=1)
     first, last = ends[:, 0].min(), ends[:, 0].max()
-    columns = even(first, last, dp / 2)
+    columns = even(first, last, scene.spacing / 2)
     tops = upper_side(ends, columns)
-    beyond = columns[:, None] * along + (tops + dp / 2)[:, None] * z
-    k = int(np.argmax(np.abs(z)))
-    side = AXES[k] + "-+"[int(z[k] > 0.0)]
-    open_ = np.all([np.ones(len(columns), bool), *(~holds(wall, beyond, side) for wall in scene.config.wall)], axis=0)
+    open_ = uncovered(scene, columns[:, None], tops)
     if not open_.any():
         return np.full(len(x), heights(scene, fluid)[1])
     at = np.clip(product(x, along), first, last)
     own = open_[np.clip(((at - first) / (last - first) * len(columns)).astype(np.int64), 0, len(columns) - 1)]
     return np.where(own, upper_side(ends, at), np.interp(at, columns[open_], tops[open_]))
+
+
+def nearest_top(scene: Liquid, fluid: Fluid, columns: NDArray, tops: NDArray, x: NDArray) -> NDArray[np.float64]:
+    """Heights[n] over points, m, of the top of the nearest column[m, d - 1] across gravity of a fluid, or, where a wall
+    lies on that, of the nearest on which none does.
+    """
+    from scipy.spatial import cKDTree
+
+    open_ = uncovered(scene, columns, tops)
+    if not open_.any():
+        return np.full(len(x), heights(scene, fluid)[1])
+    at = product(x, across(up(scene)).T)
+    own, free = cKDTree(columns).query(at)[1], cKDTree(columns[open_]).query(at)[1]
+    return np.where(open_[own], tops[own], tops[open_][free])
+
+
+@lru_cache(maxsize=8)
+def columns_in(low: geometry.Point, high: geometry.Point, z: geometry.Point, step: float) -> tuple[NDArray, NDArray]:
+    """Places[m, d - 1] across z of columns of a box, a step apart, and heights[m] of their tops, m."""
+    middle, upwards = np.add(low, high) / 2, np.array(z)
+    axes, reach = across(upwards), float(np.linalg.norm(np.subtract(high, low))) / 2
+    line = even(-reach, reach, step)
+    at = np.stack(np.meshgrid(*[line] * len(axes), indexing="ij"), axis=-1).reshape(-1, len(axes))
+    foot, tilted = middle + product(at, axes), upwards != 0.0
+    ends = [(np.array(face) - foot)[:, tilted] / upwards[tilted] for face in (low, high)]
+    top, bottom = np.maximum(*ends).min(axis=1), np.minimum(*ends).max(axis=1)
+    inside = (top > bottom) & np.all(((low < foot) & (foot < high))[:, ~tilted], axis=1)
+    return at[inside] + product(axes, middle), product(middle, upwards) + top[inside]
+
+
+@lru_cache(maxsize=8)
+def columns_of(start: Start, z: tuple[float, ...], dp: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Places[m, d - 1] across gravity of columns of given particles, a spacing wide, and heights[m] of their tops, m:
+    half a spacing over the highest particle under the first gap.
+    """
+    x, upwards = np.asarray(arrays(start)["position"], float), np.array(z)
+    at, height = product(x, across(upwards).T), product(x, upwards)
+    low = at.min(axis=0)
+    cells, column = np.unique(np.rint((at - low) / dp).astype(np.int64), axis=0, return_inverse=True)
+    order = np.lexsort((height, column.ravel()))
+    column, height = column.ravel()[order], height[order]
+    first = np.diff(column, prepend=-1) > 0
+    gaps = np.cumsum(~first & (np.diff(height, prepend=height[0]) > GAP * dp))
+    lowest = gaps == gaps[first][column]
+    tops = np.full(len(cells), -np.inf)
+    np.maximum.at(tops, column[lowest], height[lowest])
+    return low + cells * dp, tops + dp / 2
+
+
+def across(z: NDArray) -> NDArray[np.float64]:
+    """Unit vectors[d - 1, d] across another, z."""
+    if len(z) == 2:
+        return np.array([[z[1], -z[0]]])
+    k = int(np.argmax(np.abs(z)))
+    one = np.eye(3)[(k + 1) % 3]
+    one = one - product(one, z) * z
+    one /= math.hypot(*one)
+    return np.array([one, np.cross(z, one)])
+
+
+def uncovered(scene: Liquid, columns: NDArray, tops: NDArray) -> NDArray[np.bool_]:
+    """On which columns[m, d - 1] across gravity of a fluid, with heights[m] of their tops in m, no wall lies."""
+    z = up(scene)
+    k = int(np.argmax(np.abs(z)))
+    side = AXES[k] + "-+"[int(z[k] > 0.0)]
+    beyond = product(columns, across(z)) + (tops + scene.spacing / 2)[:, None] * z
+    return np.all([np.ones(len(columns), bool), *(~holds(wall, beyond, side) for wall in scene.config.wall)], axis=0)
 
 
 def upper_side(corners: NDArray, at: NDArray) -> NDArray[np.float64]:
