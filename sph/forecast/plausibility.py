@@ -14,6 +14,7 @@ from sph.forecast.damping import damping
 from sph.forecast.friction import friction, ringing
 from sph.forecast.interfaces import interfaces
 from sph.forecast.joints import joints, walled
+from sph.forecast.left_out import suction, surface_tension
 from sph.forecast.moving_walls import moving_walls
 from sph.forecast.size import longest
 from sph.forecast.slips import slips
@@ -49,6 +50,7 @@ def sensible(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     yield from steps(config)
     yield from directions(config)
     yield from speed_limits(config, scene)
+    yield from surface_tension(config)
     yield from moving_walls(config, scene)
     yield from depths(config, scene)
     yield from gases(config, scene)
@@ -56,6 +58,7 @@ def sensible(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     yield from slips(config, scene)
     yield from joints(scene)
     yield from falling(scene)
+    yield from suction(scene)
     yield from weightless(config)
     yield from unfelt(config)
     yield from bodies(scene)

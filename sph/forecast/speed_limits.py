@@ -8,20 +8,24 @@ import numpy as np
 from hpcpic.core.case.derived import Derived, judged
 from sph.case import geometry
 from sph.case.config import SphConfig
+from sph.physics.stability import physical_viscosity
 from sph.setup import flows
 from sph.setup.rigid.rims import start_speed
-from sph.setup.scene import Scene
-from sph.setup.speeds import fastest, heights_of, pushing_speed, surfaces
+from sph.setup.rigid.surfaces import off
+from sph.setup.scene import Scene, Wall
+from sph.setup.speeds import fastest, heights_of, motion_speed, pushing_speed, surfaces
 from sph.setup.tanks import depth_in_wall
 
 MOST_CELLS = 4e6  # of a spacing, in which a way down is looked for
 FASTER = 1.02  # particles of a jet than its free fall: 1.012, measured over 1.2 m
 LEAST_FACTOR = 7.0  # c0 over the largest speed of fluid, below which its density is off by 2 %
+MOST_SQUEEZED = 0.01  # rho / rho0 - 1 by mu v over a gap, beyond which viscous pressures compress the fluid instead
 
 
 def speed_limits(config: SphConfig, scene: Scene) -> Iterator[Derived]:
     """All of them."""
     yield from pushing_walls(config, scene)
+    yield from squeezed(config, scene)
     yield from free_fall(config, scene)
 
 
@@ -36,6 +40,36 @@ def pushing_walls(config: SphConfig, scene: Scene) -> Iterator[Derived]:
                          limit=f">= {LEAST_FACTOR:g}", ok=config.sound_speed >= LEAST_FACTOR * speed, legal=True,
                          source="it takes fluid with it", key=("eos", "max_velocity"),
                          cure=f"max_velocity = {speed:.3g}, or sound_speed = {10 * speed:.3g}")  # fmt: skip
+
+
+def squeezed(config: SphConfig, scene: Scene) -> Iterator[Derived]:
+    """Solids that are driven through a viscous fluid beside another wall: the density that its pressure makes of the
+    fluid in the gap. No pressure is between round solids about one centre of which one turns.
+    """
+    nu = physical_viscosity(config)
+    for wall in (wall for wall in scene.walls if nu and wall.section.solid):
+        motion = wall.section.motion
+        speed = start_speed(wall.section) if wall.rigid else motion_speed(motion) if motion else 0.0
+        gaps = [(off(wall, other), other) for other in scene.walls if other is not wall and not coaxial(wall, other)]
+        apart = [one for one in gaps if scene.spacing / 2 < one[0] < math.inf]
+        if speed and apart:
+            gap, other = min(apart, key=lambda one: one[0])
+            dense = nu * speed / (gap * config.sound_speed**2)
+            if dense < MOST_SQUEEZED / 10:
+                continue
+            yield judged(f"density by viscosity between {wall.name} and {other.name}", "nu v/(L c0^2)", dense,
+                         limit=f"<= {MOST_SQUEEZED:g}", ok=dense <= MOST_SQUEEZED * (1 + 1e-9), legal=True,
+                         source="Morris et al. 1997; load of an eccentric journal: -43 % (0.04), -5 % (0.01), measured",
+                         cure=f"sound_speed = {1.01 * config.sound_speed * math.sqrt(dense / MOST_SQUEEZED):.3g}",
+                         key=("eos", "sound_speed"))  # fmt: skip
+
+
+def coaxial(wall: Wall, other: Wall) -> bool:
+    """Whether a disc or ball turns on the spot in, or around, another one."""
+    one, two, body = wall.shape.sphere, other.shape.sphere, wall.section.body
+    return bool(
+        one and two and body and not any(body.velocity) and math.dist(one.centre, two.centre) < 1e-6 * one.radius
+    )
 
 
 def free_fall(config: SphConfig, scene: Scene) -> Iterator[Derived]:

@@ -80,3 +80,27 @@ def test_a_fall_to_where_fluid_can_come_is_told_before_the_run(floors, low, verd
         assert told(**parts)["sound speed"].value / number.value == pytest.approx(speed, rel=0.03)
         cured = told(**parts, eos=f"{{ {number.cure}; }}")
         assert FALL not in cured
+
+
+JOURNAL = """( {{ name = "outer"; shape = {{ sphere = {{ centre = [0.0, 0.0]; radius = 0.2; }}; }}; }},
+    {{ name = "journal"; solid = true; shape = {{ sphere = {{ centre = [0.0, {}]; radius = 0.1; }}; }};
+       body = {{ density = 1000.0; held = ["x", "y", "rz"]; angular_velocity = [{}]; }}; }} )"""
+OIL = """( { name = "oil"; dynamic_viscosity = 20.0;
+    shape = { sphere = { centre = [0.0, 0.0]; radius = 0.2; }; }; } )"""
+SQUEEZED = "density by viscosity between journal and outer"
+
+
+@pytest.mark.parametrize("place, spin, c0, expected", [
+    (-0.05, 1.0, 1.0, 0.04),  # the load after a second is 0.57 of Wannier's
+    (-0.05, 1.0, 2.0, 0.01),  # 0.95 of it
+    (0.0, 1.0, 1.0, None),  # Couette flow has no pressure to make
+    (-0.05, 0.0, 1.0, None),
+])  # fmt: skip
+def test_the_sound_speed_is_compared_with_what_viscosity_presses_together(place, spin, c0, expected):
+    """The largest speed says nothing of it: c0 was ten times that of the journal, and its load was half of theory."""
+    parts = {"wall": JOURNAL.format(place, spin), "fluid": OIL, "gravity": "[0.0, 0.0]",
+             "domain": "{ low = [-0.3, -0.3]; high = [0.3, 0.3]; }", "numerics": "{ spacing = 0.01; }"}  # fmt: skip
+    number = told(**parts, eos=f"{{ sound_speed = {c0}; max_velocity = 0.1; }}").get(SQUEEZED)
+    assert (number and number.value) == (expected and pytest.approx(expected, rel=1e-3))
+    if number and number.verdict == "warn":
+        assert told(**parts, eos=f"{{ {number.cure}; max_velocity = 0.1; }}")[SQUEEZED].verdict == "ok"
