@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from hpcpic.plasma.case.config import PlasmaConfig
 from hpcpic.plasma.forecast.cuts import sampled, spread_evenly
-from hpcpic.plasma.forecast.scales import plasma_frequency, spacing, thermal_velocities
+from hpcpic.plasma.forecast.scales import MOST_WITHOUT_FIELD, plasma_frequency, spacing, thermal_velocities
 from hpcpic.plasma.setup.scene import Scene
 
 SAMPLE = 1 << 18  # particles of a species, at most, by which its density is known
@@ -79,9 +79,9 @@ def dense_frequency(config: PlasmaConfig) -> float:
     return math.hypot(0.0, *(plasma_frequency(config, one) * math.sqrt(ratio) for one, ratio in ratios))
 
 
-def mean_debye(config: PlasmaConfig) -> float:
-    """Debye length over the spacing, of the axis where it is smallest, were the heat shared by all charges as the grid
-    comes to share it: colder species shield no more than others. Species without heat do not count; inf where none has.
+def mean_debyes(config: PlasmaConfig) -> tuple[float, ...]:
+    """Debye length over the spacing of each axis with a field, were the heat shared by all charges as the grid comes to
+    share it: colder species shield no more than others. Species without heat do not count; inf where none has.
     """
     charges, heats = [0.0] * config.dimensions, [0.0] * config.dimensions
     for species, denser in zip(config.species, densest(config)):
@@ -91,4 +91,6 @@ def mean_debye(config: PlasmaConfig) -> float:
             charges[axis] += charge if thermal > 0 else 0.0
             heats[axis] += charge * per_charge * thermal * thermal
     axes = zip(heats, charges, spacing(config), config.points)
-    return min((math.sqrt(heat) / charge / dx for heat, charge, dx, n in axes if charge and n > 1), default=math.inf)
+    return tuple(
+        math.sqrt(heat) / charge / dx if charge else math.inf for heat, charge, dx, n in axes if n > MOST_WITHOUT_FIELD
+    )

@@ -12,7 +12,7 @@ from hpcpic.plasma.case.units import known_by_ratio
 from hpcpic.plasma.forecast.cold_drift import cold_drift
 from hpcpic.plasma.forecast.cold_wave import cold_wave, noise_of_cold
 from hpcpic.plasma.forecast.collisions import collisions
-from hpcpic.plasma.forecast.densest import at_densest, dense_frequency, densest, mean_debye
+from hpcpic.plasma.forecast.densest import at_densest, dense_frequency, densest, mean_debyes
 from hpcpic.plasma.forecast.estimate import SERIES_SHARE, affordable_period, count_seconds, phases
 from hpcpic.plasma.forecast.field_equation import field_equation, field_strength, slowed_by_clouds
 from hpcpic.plasma.forecast.noise import (
@@ -254,7 +254,8 @@ def spectral(config: PlasmaConfig) -> bool:
 
 def heated(config: PlasmaConfig, shape: str, more: float = 1.0, finer: float = 1.0, shorter: float = 1.0) -> float:
     """W(end)/W(0) - 1 by measured rates and that of the step, with `more` times the particles, a `finer` grid and steps
-    so much `shorter`; nan where too few.
+    so much `shorter`; nan where too few. Of cells that are not square it is the mean of what each side makes, and that
+    of the longest across a magnetic field, where others were not measured.
     """
     axes = field_axes(config)
     per_cell = more * alike_per_cell(config) / finer**axes
@@ -263,11 +264,17 @@ def heated(config: PlasmaConfig, shape: str, more: float = 1.0, finer: float = 1
     start = start_noise(config) / more if axes == 1 else 0.0
     if per_cell < MIN_PER_CELL or not start < MAX_START_NOISE:
         return math.nan
-    debye = mean_debye(config) * finer * math.sqrt(1 + start)  # the noise becomes heat at once
     across = rates_across(shape, axes, turn_across_grid(config), time)
-    of_step = rate_of_step(shape, axes, debye, step / shorter, spectral(config))
     points = rates_of(shape, axes, spectral(config))
-    return share_along(config, start) * (energy_ratio(points, debye, per_cell, time, across, of_step) - 1)
+
+    def growth(debye: float) -> float:
+        debye *= finer * math.sqrt(1 + start)  # the noise becomes heat at once
+        of_step = rate_of_step(shape, axes, debye, step / shorter, spectral(config))
+        return energy_ratio(points, debye, per_cell, time, across, of_step) - 1
+
+    debyes = mean_debyes(config)
+    sides = [min(debyes)] if across else debyes
+    return share_along(config, start) * sum(map(growth, sides)) / len(sides)
 
 
 def heating(config: PlasmaConfig) -> Derived:
@@ -292,7 +299,12 @@ def heating(config: PlasmaConfig) -> Derived:
         ways.insert(0, f'numerics.shape = "{SMOOTHEST_SHAPE}"')
     turn = turn_across_grid(config)
     across = bool(rates_across(shape, axes, turn, time=1.0))
-    if across and mean_debye(config) >= 0.1 and config.simulation.solver == "MFT" and growth * CLOUDS_ACROSS < HEATED:
+    if (
+        across
+        and min(mean_debyes(config)) >= 0.1
+        and config.simulation.solver == "MFT"
+        and growth * CLOUDS_ACROSS < HEATED
+    ):
         ways.insert(0, f"numerics.cloud_radius = {min(spacing(config)):.3g}")
     cure = ", or ".join(ways) or f"no grid up to {factors[-1]:g} times as fine cures it"
     verdict, source = verdict_of(growth < HEATED), "rates measured at wp dt = 0.2, and Langdon 1979 for the step"

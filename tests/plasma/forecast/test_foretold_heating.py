@@ -304,6 +304,31 @@ def test_cold_ions_shield_no_more_than_the_electrons_that_heat_them(mass, ions, 
     assert numbers(text=text)[0]["dW/W"].value == pytest.approx(measured, rel=0.4)
 
 
+OBLONG = """
+simulation = { cycles = 1000; time_step = 0.2; space_length = [16.0, 128.0]; };
+grid = { points = [32, 32]; };
+species = ( { charge = -1.0; mass = 1.0; plasma_frequency = 1.0; thermal_velocity = 1.0; particles_per_cell = 16.0; } );
+"""  # lambda_D is 2 and 0.25 of the sides of a cell
+
+
+@pytest.mark.parametrize("points, most", [("[32, 32]", 2.0), ("[32, 64]", 1.6)])
+def test_cells_of_unequal_sides_heat_as_the_mean_of_what_each_side_makes(world, points, most):
+    """By the longest side alone 3.4 and 2.6 times as much as runs gain was told."""
+    found, tree = numbers([f"grid.points={points}"], OBLONG)
+    config = configure(tree)
+    with running(world, "hpcpic", config) as app:
+        before = app.scalars()["energy_total"]
+        for _ in range(1000):
+            app.step()
+        grown = app.scalars()["energy_total"] / before - 1
+    assert 0.8 < found["dW/W"].value / grown < most
+    square = [
+        numbers([f"simulation.space_length=[{32 * dx}, {32 * dx}]"], OBLONG)[0]["dW/W"].value
+        for dx in (0.5, 128.0 / config.points[1])
+    ]
+    assert found["dW/W"].value == pytest.approx(sum(square) / 2, rel=1e-6)
+
+
 def test_a_few_particles_have_no_heating_that_could_be_foretold():
     for particles in (1, 2047):
         number = numbers([f"species[0].particles={particles}", "species[0].thermal_velocity=0.1"])[0]["dW/W"]
