@@ -90,6 +90,13 @@ OIL = """( { name = "oil"; dynamic_viscosity = 20.0;
 SQUEEZED = "density by viscosity between journal and outer"
 
 
+def bearing(place, spin, spacing=0.01):
+    """A journal that turns in oil, off the middle of its bearing by the place."""
+    return {"wall": JOURNAL.format(place, spin), "fluid": OIL, "gravity": "[0.0, 0.0]",
+            "domain": "{ low = [-0.3, -0.3]; high = [0.3, 0.3]; }",
+            "numerics": f"{{ spacing = {spacing}; }}"}  # fmt: skip
+
+
 @pytest.mark.parametrize("place, spin, c0, expected", [
     (-0.05, 1.0, 1.0, 0.04),  # the load after a second is 0.57 of Wannier's
     (-0.05, 1.0, 2.0, 0.01),  # 0.95 of it
@@ -98,9 +105,21 @@ SQUEEZED = "density by viscosity between journal and outer"
 ])  # fmt: skip
 def test_the_sound_speed_is_compared_with_what_viscosity_presses_together(place, spin, c0, expected):
     """The largest speed says nothing of it: c0 was ten times that of the journal, and its load was half of theory."""
-    parts = {"wall": JOURNAL.format(place, spin), "fluid": OIL, "gravity": "[0.0, 0.0]",
-             "domain": "{ low = [-0.3, -0.3]; high = [0.3, 0.3]; }", "numerics": "{ spacing = 0.01; }"}  # fmt: skip
+    parts = bearing(place, spin)
     number = told(**parts, eos=f"{{ sound_speed = {c0}; max_velocity = 0.1; }}").get(SQUEEZED)
     assert (number and number.value) == (expected and pytest.approx(expected, rel=1e-3))
     if number and number.verdict == "warn":
         assert told(**parts, eos=f"{{ {number.cure}; max_velocity = 0.1; }}")[SQUEEZED].verdict == "ok"
+
+
+@pytest.mark.parametrize("place, spin, spacing, expected", [
+    (-0.05, 1.0, 0.01, 5.0), (0.0, 1.0, 0.01, 10.0), (0.0, 1.0, 0.005, None), (-0.05, 0.0, 0.01, None),
+])  # fmt: skip
+def test_few_spacings_across_a_gap_that_a_rotor_shears_are_told(place, spin, spacing, expected):
+    name, c0 = "spacings across the gap between journal and outer", "{ sound_speed = 5.0; max_velocity = 0.1; }"
+    number = told(**bearing(place, spin, spacing), eos=c0).get(name)
+    assert (number and number.value) == (expected and pytest.approx(expected))
+    if number:
+        assert number.verdict == ("warn" if expected < 6 else "ok")
+    if number and number.verdict == "warn":
+        assert told(**bearing(place, spin, number.cure.split()[-1]), eos=c0)[name].verdict == "ok"
