@@ -11,7 +11,7 @@ from hpcpic.core.case.derived import Derived, judged, rounded_down
 from hpcpic.core.files.start import arrays
 from lbmdem.case.config import AXES, Diameters, GrainSet, LbmDemConfig, whole_spacing
 from lbmdem.forecast.contacts import contacts, overlap_at_start
-from lbmdem.forecast.driven import between_faces, carried, driven, slip, steady, weight
+from lbmdem.forecast.driven import between_faces, carried, driven, slip, steady, wakes, weight
 from lbmdem.forecast.free_fall import falling, landing, released, screen, unheld
 from lbmdem.forecast.node_shares import LOOSE
 from lbmdem.forecast.plan import grain_count
@@ -34,7 +34,7 @@ def derived(config: LbmDemConfig, ranks: int = 1) -> list[Derived]:
     """Every derived number of a completed case that runs on so many ranks."""
     parts = (
         relaxation, lattice_units, speeds, driven, slip, weight, steady, pressures, between_faces, inflow, parabolas,
-        ringing, sloshing, layers, obstacles, throats, closed, pores, carried,
+        wakes, ringing, sloshing, layers, obstacles, throats, closed, pores, carried,
     )  # fmt: skip
     fluid = [number for part in parts for number in part(config)] if config.fluid else []
     solids = [*grains(config), *unheld(config), *contacts(config), *slices(config)]

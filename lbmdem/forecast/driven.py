@@ -1,8 +1,9 @@
-"""What body forces, shaking and pressure faces make of a fluid: how fast it gets, how it slips along walls, and when it
-is steady past grains that stay."""
+"""What body forces, shaking and faces make of a fluid: how fast it gets, how it slips along walls, when it is steady
+past grains that stay, and whether wakes can shed."""
 
 import math
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +24,11 @@ from lbmdem.physics.velocity_sets import CS2
 THROUGH_GRAINS = {"TRT": (24.0, 49.0), "BGK": (12.0, 24.0)}
 HALF_WAY = 3.0 / 16.0  # product of the relaxation times with which walls lie half-way
 MOST_SLIP, SOME_NODES = 0.005, 16.0  # of the largest velocity; of a channel where the case has none
+# Reynolds number from which on a wake sheds: of a cylinder (Provansal, Mathis & Boyer 1987), and one from which on that
+# of a sphere is uneven (Johnson & Patel 1999)
+CYLINDER, SPHERE = 47.0, 210.0
+GROWTH = 0.11  # of the lift, in u/D: disc of 8 nodes, an eighth of its channel, Re = 100, from 1e-13 on, measured
+SAME = 1e-6  # of a node
 
 
 def driven(config: LbmDemConfig) -> Iterator[Derived]:
@@ -212,3 +218,65 @@ def stream(config: LbmDemConfig, k: int) -> float:
     a, nu = between(config, k) + config.liquid.body_force[k], config.liquid.kinematic_viscosity
     parabolas = (abs(a) * config.domain.size[j] ** 2 / (8.0 * nu) for j in across)
     return math.copysign(min([abs(a) * config.simulation.end_time, *parabolas]), a)
+
+
+def wakes(config: LbmDemConfig) -> Iterator[Derived]:
+    """The Reynolds number of solids that stay in a stream which a face lets in, where all of the scene is even about
+    the middle of an axis across it. The lattice keeps that but for rounding."""
+    inlets = {AXES.index(face.face[0]) for face in config.boundary if face.type == "velocity"}
+    across = [(k, j) for k in inlets for j in range(config.dimensions) if j != k and even(config, j)]
+    for k, j in across:
+        nu, length = config.liquid.kinematic_viscosity, config.domain.size
+        boxes = [obstacle.shape.box for obstacle in config.obstacle if obstacle.shape.box is not None]
+        bars = [box for box in boxes if box.low[j] > 0.0 and box.high[j] < length[j]]  # away from both sides
+        for m in set(range(config.dimensions)) - {k, j}:
+            bars = [box for box in bars if box.low[m] <= 0.0 and box.high[m] >= length[m]]
+        free = max((box.high[j] - box.low[j] for box in bars), default=0.0)
+        grain = max((group.largest_diameter for group in config.grains), default=0.0)
+        of_grains = CYLINDER if config.dimensions == 2 else SPHERE
+        size, onset = max((free, CYLINDER), (grain, of_grains), key=lambda one: one[0] / one[1])
+        reynolds = abs(stream(config, k)) * size / nu
+        if reynolds:
+            yield judged(
+                f"Reynolds number of solids that are even along {AXES[j]}", "u D/nu", reynolds, ok=reynolds <= onset,
+                legal=True, limit=f"<= {onset:g}", key=("boundary",),
+                source="beyond it wakes shed; Provansal et al. 1987, of spheres Johnson & Patel 1999",
+                cure="it keeps even, with too little drag and no lift, until rounding has grown for some "
+                f"{math.log(1e13) / GROWTH:.0f} D/u: a tenth of a node off the middle a wake sheds within 40 D/u",
+            )  # fmt: skip
+
+
+def even(config: LbmDemConfig, j: int) -> bool:
+    """Whether nothing of a case that has only solids which stay tells one half along an axis from the other."""
+    started = config.fluid is not None and config.fluid.start is not None
+    turned = any(group.at_start(what).any() for group in config.grains for what in ("velocity", "angular_velocity"))
+    placed = all(len(group.centres) and not group.moving for group in config.grains)
+    pushes = [*config.liquid.body_force[j : j + 1], *(config.shaking.acceleration[j : j + 1] if config.shaking else ())]
+    if started or turned or not placed or any(pushes):
+        return False
+    sliding = [face for face in config.boundary if face.type == "wall" and any(face.velocity)]
+    below, above = ([face.velocity for face in sliding if face.face == AXES[j] + end] for end in "-+")
+    return below == above and Counter(solids(config, j, False)) == Counter(solids(config, j, True))
+
+
+def solids(config: LbmDemConfig, j: int, mirrored: bool) -> Iterator[tuple[object, ...]]:
+    """What tells each solid from others, as it is or mirrored about the middle of an axis, to SAME nodes."""
+    unit, length = SAME * config.spacing, config.domain.size[j]
+
+    def turn(x: Sequence[float], about: float) -> list[float]:
+        return [about - part if mirrored and k == j else part for k, part in enumerate(x)]
+
+    for obstacle in config.obstacle:
+        box, plane, speed = obstacle.shape.box, obstacle.shape.plane, turn(obstacle.velocity, 0.0)
+        if box is not None:
+            ends = zip(turn(box.low, length), turn(box.high, length))
+            yield ("box", *(round(part / unit) for both in ends for part in sorted(both)), *speed)
+        elif plane is not None:
+            normal = [part / math.hypot(*plane.normal) for part in turn(plane.normal, 0.0)]
+            away = sum(a * b for a, b in zip(normal, turn(plane.point, length)))
+            yield ("plane", *(round(part / SAME) for part in normal), round(away / unit), *speed)
+    for group in config.grains:
+        sizes = group.own_diameters
+        for k, x in enumerate(group.centres):
+            own = group.largest_diameter if sizes is None else float(sizes[k])
+            yield ("grain", round(own / unit), *(round(part / unit) for part in turn(x, length)))
