@@ -5,6 +5,7 @@ Lines of theory are drawn dashed and dark; what was measured is coloured.
 
 from __future__ import annotations
 
+import math
 from itertools import cycle
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
@@ -62,6 +63,7 @@ if TYPE_CHECKING:
     from hpcpic.core.files.reader import Fields, Run
 
 SIGNED, POSITIVE = "RdBu_r", "viridis"
+MOST_ACROSS = 4  # fields in a row
 MOST_HARMONICS = 40  # that a spectrum can show apart
 WEAKLY_DAMPED = 0.6  # k lambda_D of waves that a spectrum shows
 WIDEST = 72  # characters of a line in a figure: a longer one would narrow its axes
@@ -371,10 +373,13 @@ def _fields_in_plane(run: Run, snapshots: Fields, number: int) -> Figure:
             size = np.linalg.norm(values, axis=-1) if vector else values
             panels.append((f"|{name}|" if vector else name, size, POSITIVE))
     with style():
-        width = 3.4 * len(panels)
-        height = 0.9 + 3.0 * min(max(ly / lx, 0.4), 1.6)
-        figure, axes = new_figure(1, len(panels), (width, height), squeeze=False)
-        for axis, (name, values, colours) in zip(axes[0], panels):
+        across = len(panels) if len(panels) <= MOST_ACROSS else MOST_ACROSS - 1
+        rows = math.ceil(len(panels) / across)
+        height = 0.9 + rows * 3.0 * min(max(ly / lx, 0.4), 1.6)
+        figure, axes = new_figure(rows, across, (3.4 * across, height), squeeze=False)
+        for axis in axes.flat[len(panels) :]:
+            axis.set_axis_off()
+        for axis, (name, values, colours) in zip(axes.flat, panels):
             limit = float(np.abs(values).max()) or 1.0
             low = -limit if colours == SIGNED else 0.0
             image = axis.imshow(
@@ -390,7 +395,8 @@ def _fields_in_plane(run: Run, snapshots: Fields, number: int) -> Figure:
             figure.colorbar(image, ax=axis, shrink=0.8, pad=0.02)
             axis.grid(visible=False)
             axis.set(xlabel=f"{horizontal}, m", title=axis_label(name, snapshots.units[stored]))
-        axes[0, 0].set_ylabel(f"{vertical}, m")
+        for axis in axes[:, 0]:
+            axis.set_ylabel(f"{vertical}, m")
         where = f" in the plane {third[0]} = {middle * snapshots.spacing[0]:.4g} m" if third else ""
         figure.suptitle(f"Fields at t = {snapshots.times[number]:.4g} s{where}", x=0.01, ha="left", fontsize=11)
         return figure

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import re
+import shutil
 
 import numpy as np
 import pytest
@@ -226,6 +227,19 @@ def test_two_dimensional_fields_keep_their_shape_and_place(tmp_path):
     assert image.get_clim() == (-3.0 + 3.0 / 32, 3.0 - 3.0 / 32)
     assert panels["|E|, V/m"].images[0].get_array()[2, 5] == 5.0
     assert panels["phi, V"].get_aspect() == 1.0
+    assert len({axes.get_subplotspec().rowspan.start for axes in panels.values()}) == 1
+
+
+def test_many_fields_are_drawn_in_rows(run, tmp_path):
+    """Of two species n, u and T with rho made a line of seven: 24 inches, of which a page shows letters of 3 points."""
+    folder = shutil.copytree(run.path, tmp_path / "a", ignore=shutil.ignore_patterns("fields.vtkhdf"))
+    fields = {name: FieldArray(np.ones((4, 8)), "J") for name in ("rho", "n_e", "n_i", "T_e", "T_i", "a_e", "a_i")}
+    FieldsWriter(Alone(), folder / "fields.vtkhdf").append(
+        0, 0.0, Domain((1.0, 2.0), (4, 8), (True,) * 2, (0, 4)), fields
+    )
+    figure = PLOTS["fields"].make(open_run(folder), None)
+    assert sum(len(axes.images) == 1 and bool(axes.get_title(loc="left")) for axes in figure.axes) == len(fields)
+    assert figure.get_size_inches()[0] < 12 and not unreadable(figure)
 
 
 def test_svg_is_the_same_each_time_and_its_ids_do_not_meet(run):
