@@ -197,6 +197,15 @@ def test_one_particle_that_jumps_is_told_by_what_all_keep(tmp_path, case, factor
     assert ("damaged memory" in (made.guard() or "")) == seen
 
 
+def test_a_negative_time_step_is_no_damaged_memory():
+    """Of a cold wave, whose bound of what rounding moves was less than 0: each run of it ended at its first step."""
+    wave = "perturbation = { mode = [1]; amplitude = 0.01; };"
+    made = plasma(n=4096, points=(64,), v=0.0, init="quiet", dt=-0.1, ions=False, extra=wave)
+    made.scalars()
+    after(made, 30).scalars()
+    assert made.guard() is None and made.time == pytest.approx(-3.0)
+
+
 @pytest.mark.parametrize("magnetic", [(0.0, 0.0, 0.0), (0.0, 0.0, 0.5)])
 def test_time_runs_backwards(magnetic):
     """x^n, v^(n-1/2) -> -dt with v^(n+1/2): the leapfrog retraces its way, to the noise of rounding."""

@@ -60,7 +60,7 @@ class KeptMotion:
         self.laws = laws(scene) if scene.n_particles >= MIN_PARTICLES else []
         self.rounding = 4.0 / charge_parts * max((one.impulse_across(1.0) for one in species), default=1.0)
         self.seconds_per_mass = scene.time_step / self.mass if self.mass else 0.0
-        self.per_cell = self.mass * float(spacing.max()) / scene.time_step
+        self.per_cell = self.mass * float(spacing.max()) / abs(scene.time_step)
         self.edge_rounding = EDGE[self.dimensions] * float(np.finfo(real).eps)  # of a place in its tile, cells
         self.kept: Motion | None = None
         self.trouble: str | None = None
