@@ -108,9 +108,13 @@ def with_images(columns: dict[str, np.ndarray], config: LbmDemConfig, far: float
 
 
 def _draw_box(axis: Any, config: LbmDemConfig) -> None:
-    """Obstacles in the plane of the figure; planes that are inclined to it are left out."""
+    """Obstacles in the plane of the figure, without planes inclined to it, and dashed the screen under a sample."""
     from matplotlib.patches import Polygon, Rectangle
 
+    from lbmdem.setup.box_walls import floor_height
+
+    if screen := floor_height(config):
+        axis.axhline(screen, color=INK, linestyle="--", linewidth=0.8)
     up, far = config.dimensions - 1, 10.0 * max(config.domain.size)
     for plane, box in ((obstacle.shape.plane, obstacle.shape.box) for obstacle in config.obstacle):
         if box is not None:

@@ -15,7 +15,7 @@ from lbmdem.forecast.piles import filled, lies, lower, settled_height, sinks, st
 from lbmdem.forecast.relaxation import SPACING, key_of_tau, other_collision, slower
 from lbmdem.physics.collision import COLLISIONS
 from lbmdem.physics.velocity_sets import CS2
-from lbmdem.setup.box_walls import below, cover, floor_height, sample_height
+from lbmdem.setup.box_walls import below, cover, floor_height, plane_heights, sample_height
 
 BALANCE = 1e-3  # of the forces on a box that are left over: what is still called a balance
 FAR_BEYOND = 10.0  # times the limit of the grid Reynolds number: a bed falls slower than a grain alone, but not so much
@@ -232,18 +232,24 @@ def start_time(config: LbmDemConfig, i: int) -> float:
 
 
 def screen(config: LbmDemConfig) -> Iterator[Derived]:
-    """The screen that the lower end of a packing is, or why there is none where the case may count on it."""
+    """The screen that the lower end of a packing is, or why there is none where the case may count on it; it keeps
+    grains from slanted planes that get lower, as those of a hopper."""
     low, d = sample_height(config), config.dimensions
     if not low or cover(config) >= low * (1.0 - 1e-9) or AXES[d - 1] in config.domain.periodic:
         return
     i, lows = below(config, low), [g.packing.low if g.packing and g.moving else math.inf for g in config.grains]
     name = "" if i is None else config.grains[i].name or f"grains_{i + 1}"
+    cure = f"all grains fall to the floor, as {name} starts below {low:g} m: put it above, or a row of grains with "
+    cure += "moving = false there"
+    slanted = any(np.ptp(heights) > 0.0 for heights in plane_heights(config))
+    if not name:
+        cure = f"grains stop at it, and planes meet none below {low:g} m: packing.low = 0 fills what they leave"
     yield judged(
-        "screen for grains that move", "z", floor_height(config), unit="m", legal=True,
-        ok=i is None or not config.grains[i].moving, limit=f"{low:g}, as packing.low says",
+        "screen for grains that move", "z", floor_height(config), unit="m", legal=True, cure=cure,
+        ok=not slanted if i is None else not config.grains[i].moving,
+        limit=f"{low:g}, as packing.low says" + (", without slanted planes below" if slanted else ""),
         source=f"none: {name} starts below it" if name else "the lowest packing.low of grains that move",
-        cure=f"all grains fall to the floor, as {name} starts below {low:g} m: put it above, or a row of grains with "
-        "moving = false there", key=("grains", lows.index(min(lows)), "packing", "low"),
+        key=("grains", lows.index(min(lows)), "packing", "low"),
     )  # fmt: skip
 
 

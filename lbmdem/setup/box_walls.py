@@ -1,8 +1,10 @@
 """The plane walls that the grains of a scene meet."""
 
 import itertools
+from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hpcpic.core.space.products import product
 from lbmdem.case.config import AXES, LbmDemConfig
@@ -61,11 +63,15 @@ def below(config: LbmDemConfig, height: float) -> int | None:
 
 def cover(config: LbmDemConfig) -> float:
     """Height along the last axis (m) that planes among the obstacles let no grain get below, wherever it is."""
+    return max([0.0, *(float(heights.min()) for heights in plane_heights(config))])
+
+
+def plane_heights(config: LbmDemConfig) -> Iterator[NDArray[np.float64]]:
+    """Heights (m) of each plane that faces up above the corners of the floor, those within the box somewhere."""
     corners = np.array(list(itertools.product(*((0.0, length) for length in config.domain.size[:-1]))))
-    highest = 0.0
     for plane in (obstacle.shape.plane for obstacle in config.obstacle):
         if plane is not None and plane.normal[-1] > 0.0:
-            slopes = np.array(plane.normal[:-1]) / plane.normal[-1]
-            heights = plane.point[-1] - product(corners - np.array(plane.point[:-1]), slopes)
-            highest = max(highest, float(heights.min()))
-    return highest
+            slope = np.array(plane.normal[:-1]) / plane.normal[-1]
+            heights = plane.point[-1] - product(corners - np.array(plane.point[:-1]), slope)
+            if heights.max() > 0.0:
+                yield heights

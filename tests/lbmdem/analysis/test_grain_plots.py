@@ -96,6 +96,8 @@ def test_grains_are_drawn_where_they_are_with_their_radii(monkeypatch, case, up)
             if lines:
                 ways = np.diff(lines[0], axis=1)[:, 0]
                 np.testing.assert_allclose(np.arctan2(ways[:, 1], ways[:, 0]), seen[number]["angle"], atol=1e-9)
+            screens = [line.get_ydata()[0] for line in axes.get_lines()]
+            assert screens == ([] if up == 1 else [config_of(run).grains[0].packing.low])
             assert axes.get_title(loc="left") == f"{snapshots.times[number]:.3g} s"
             assert axes.get_xlim() == (0.0, size[0]) and axes.get_ylim() == (0.0, size[-1])
 

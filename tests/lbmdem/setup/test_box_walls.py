@@ -64,6 +64,18 @@ def test_a_screen_is_there_beside_sets_of_their_own_places_above_it(height, more
     assert verdict == "ok" or ("grains_2" in told.cure and told.key == ("grains", 0, "packing", "low"))
 
 
+def test_a_screen_above_a_hopper_is_told():
+    """Its planes would meet no grain; from 0 on a packing fills what they leave, and there is none."""
+
+    def told(slope, *sets):
+        text = SHEARED.replace("LOW", "8.0e-4").replace("SLOPE", slope)
+        return [one for one in derived(configure(loads(text, sets=sets))) if one.name.startswith("screen")]
+
+    ((hopper,), (level,)) = told("0.5"), told("0.0")
+    assert hopper.verdict == "warn" and "packing.low = 0" in hopper.cure and level.verdict == "ok"
+    assert not told("0.5", "grains[0].packing.low=0.0")
+
+
 @pytest.mark.parametrize("d", [2, 3])
 def test_a_plane_through_which_the_fluid_passes_has_contacts_and_no_film(world, pool, d):
     floor = {film: PlaneWall([0.0] * d, np.eye(d)[-1], film=film) for film in (True, False)}
