@@ -182,10 +182,16 @@ def run_once(
     with open(output, "w", encoding="utf-8") as screen:
         words += ["--threads", str(threads), "--quiet"]
         code = start(app.program, words, ranks, stdout=screen, stderr=subprocess.STDOUT)
-    if code == 0 and facts_of(rundir).get("exit_code") != 0:
+    facts = facts_of(rundir)
+    if code == 0 and facts.get("exit_code") != 0:
         return 1, f"exit 0, but no finished run in {rundir.path}: is what was started {app.name}?"
+    if code in (0, 5):
+        return code, f"exit {code}  "
+    told = (
+        facts.get("reason") if facts.get("exit_code") == code else None
+    )  # of what has diverged, which ends in a table
     lines = output.read_text(encoding="utf-8", errors="replace").strip().splitlines()
-    return code, f"exit {code}  {lines[-1] if lines and code not in (0, 5) else ''}"
+    return code, f"exit {code}  {told or (lines[-1] if lines else '')}"
 
 
 def _is_of(app: App, path: str, sets: tuple[str, ...], rundir: RunDir) -> bool:

@@ -65,6 +65,15 @@ def test_failures_stop_nobody_and_finished_runs_are_not_repeated(toy):
     assert toy.facts("s/0000") == first
 
 
+def test_a_run_that_diverged_says_why_in_its_line(toy):
+    """Its screen ends with the table and where to look."""
+    done = toy(
+        "sweep", "ring.conf", "-o", "s", "--set", "steps=20", "--set", "fault.kind=diverge", "--set", "fault.step=5"
+    )
+    lines = [line for line in done.stdout.splitlines() if ": exit 4" in line]
+    assert len(lines) == 1 and "the toy was told to diverge" in lines[0], done.stdout
+
+
 def test_exit_0_without_a_finished_run_is_a_failure(tmp_path):
     """Something else was started in the place of the program."""
     app, rundir = SimpleNamespace(program=("toy",), name="toy"), RunDir(tmp_path / "runs" / "0000")
