@@ -21,7 +21,7 @@ from lbmdem.forecast.shaken import layers
 from lbmdem.forecast.throats import closed, pores, throats
 from lbmdem.physics.velocity_sets import CS2, LATTICES
 from lbmdem.physics.wall_rules import RULES, impedance
-from lbmdem.setup.overlap_survey import SAMPLE, law_diameters, law_volume, packed_space, packing_ends
+from lbmdem.setup.overlap_survey import SAMPLE, law_diameters, law_volume, packed_space, packing_area, packing_ends
 
 MOST_PLACES, PADDING = 1 << 31, 32  # of nodes in a slab, and of a row or a line of nodes beside its own
 DENSEST_VOID = {2: 0.093, 3: 0.26}  # void fraction of equal discs and spheres in their densest order
@@ -242,7 +242,7 @@ def packings(config: LbmDemConfig) -> Iterator[Derived]:
         solid = law_volume(law, d)
         high = packed_space(config, group, solid)
         height = max(high - low, math.ulp(high))
-        void = 1.0 - solid / (math.prod(sides) * height)
+        void = 1.0 - solid / (packing_area(config, group, high) * height)
         key: Path = ("grains", i, "packing") if group.packing.porosity is None else ("grains", i, "packing", "porosity")
         least, cure = DENSEST_VOID[d], "fewer grains, or more space for them"
         source = "densest of equal grains; that from which these begin to fall: settling leaves less"

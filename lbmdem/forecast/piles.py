@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from lbmdem.case.config import AXES, GrainSet, LbmDemConfig, grain_mass
 from lbmdem.forecast.node_shares import LOOSE, grains, volume
-from lbmdem.setup.overlap_survey import packed_space, packing_ends
+from lbmdem.setup.overlap_survey import packed_space, packing_area, packing_ends
 
 REPOSE = 0.4  # slope of a heap
 APART = 1.5  # sums of two radii between heights of centres, beyond which the upper grain does not stand on the lower
@@ -52,8 +52,7 @@ def layers_at_rest(config: LbmDemConfig, group: GrainSet) -> float:
     solid = config.spacing**d * sum(n * volume(r, d) for r, n in grains(config, group))
     floor = math.prod(config.domain.size) / height
     if group.packing is not None and down == d - 1:
-        ends, tops = packing_ends(config, group)
-        floor = math.prod(top - end for end, top in zip(ends[:-1], tops))
+        floor = packing_area(config, group, packed_space(config, group, solid))
     own = max(1.0, min(group.count, height / size, solid / (floor * (1.0 - LOOSE[d]) * size)))
     sets = [other for other in config.grains if other.moving and other.packing and lower(config, group, other)]
     unit = weight_in_fluid(config, group, 1.0)

@@ -27,7 +27,7 @@ from lbmdem.case.config import GrainSet, LbmDemConfig, contact_law
 from lbmdem.grains.contact_network import energies, greatest_overlap, wall_force
 from lbmdem.grains.dem import Dem
 from lbmdem.physics.plane_walls import PlaneWall
-from lbmdem.setup.overlap_survey import law_diameters, packed_space, packing_ends, solid_volume
+from lbmdem.setup.overlap_survey import law_diameters, packed_space, packing_area, packing_ends, solid_volume
 
 log = logging.getLogger("hpcpic.lbmdem")
 
@@ -289,7 +289,7 @@ def make(
         raise ConfigError(f"the packing reaches up to {high:.6g} m: its space ends at {top:g} m")
     given = [obstacle.shape.plane for obstacle in config.obstacle if obstacle.shape.plane is not None]
     planes = tuple(PlaneWall(plane.point, plane.normal) for plane in given if any(plane.normal[:-1]))
-    area = math.prod(b - a for a, b in zip(ends[:-1], tops))
+    area = packing_area(config, grains, high)
     sample = Sample(radius, low, min(high, top), seed, grains.density, planes=planes, area=area)
     if porosity is None:
         down = abs(config.gravity[-1]) or 9.81

@@ -15,6 +15,7 @@ from lbmdem.case.config import Diameters, GrainSet, LbmDemConfig
 from lbmdem.setup.box_walls import cover
 
 LOOSE, LAYERS = 0.5, 3.0  # porosity from which grains fall, and least height of their space, largest diameters
+POINTS = {2: 400, 3: 60}  # along a side, at which the space before slanted planes is counted
 SAMPLE = 1 << 17  # grains whose diameters are looked at one by one before a run: their mean volume is within 1e-5
 
 
@@ -131,9 +132,41 @@ def packed_space(config: LbmDemConfig, grains: GrainSet, solid: float) -> float:
     ends, tops = packing_ends(config, grains)
     area = math.prod(top - end for end, top in zip(ends[:-1], tops))
     high = ends[-1] + solid / (1.0 - (packing.porosity or LOOSE)) / area
+    if below := space_below(config, grains):
+        heights, space = below
+        wanted = solid / (1.0 - (packing.porosity or LOOSE))
+        high = float(np.interp(wanted, space, heights)) + max(0.0, wanted - space[-1]) / area
     if packing.porosity is None:
         high = min(max(high, ends[-1] + LAYERS * law.max), packing.high or tops[-1], tops[-1])
     return high
+
+
+def packing_area(config: LbmDemConfig, grains: GrainSet, high: float) -> float:
+    """Section (m2, in 2D m) that the box and planes leave to a packing across the last axis, mean up to a height, m."""
+    ends, tops = packing_ends(config, grains)
+    area = math.prod(top - end for end, top in zip(ends[:-1], tops))
+    if (below := space_below(config, grains)) and high > ends[-1]:
+        area *= float(np.interp(high, *below)) / (area * (min(high, tops[-1]) - ends[-1]))
+    return area
+
+
+def space_below(config: LbmDemConfig, grains: GrainSet) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Heights (m), and the volume (m3, in 2D m2) that slanted planes leave to a packing below each; None without them.
+    It is counted at points, POINTS along each side and the height.
+    """
+    planes = [obstacle.shape.plane for obstacle in config.obstacle if obstacle.shape.plane is not None]
+    slanted = [plane for plane in planes if sum(map(bool, plane.normal)) > 1]
+    if not slanted:
+        return None
+    ends, tops = (np.array(one) for one in packing_ends(config, grains))
+    d = len(ends)
+    middles = (np.arange(POINTS[d]) + 0.5) / POINTS[d]
+    lines = [low + (high - low) * middles for low, high in zip(ends[::-1], tops[::-1])]
+    points = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, d)[:, ::-1]  # layer by layer
+    before = [product(points - np.array(plane.point), np.array(plane.normal)) > 0.0 for plane in slanted]
+    layers = np.all(before, axis=0).reshape(POINTS[d], -1).mean(axis=1)
+    space = np.concatenate([[0.0], np.cumsum(layers)]) * float(np.prod(tops - ends)) / POINTS[d]
+    return np.linspace(ends[-1], tops[-1], POINTS[d] + 1), space
 
 
 def packing_ends(config: LbmDemConfig, grains: GrainSet) -> tuple[list[float], list[float]]:

@@ -20,6 +20,7 @@ contact = {{ normal_stiffness = 100.0; }};
 gravity = [0.0, 0.0, -9.81];
 """
 FLOOR, LID = ([0.0, 0.0, 3.0e-4], [0.0, 0.0, 1.0]), ([0.0, 0.0, 5.7e-3], [0.0, 0.0, -2.0])
+HOPPER = tuple(([0.0, 2.5e-3, 0.0], [0.0, way, 1.0]) for way in (1.0, -1.0))
 SIDE, SLOPE = ([0.0, 2.0e-3, 0.0], [0.0, 1.0, 0.0]), ([0.0, 0.0, 1.0e-3], [0.0, -0.3, 1.0])
 
 
@@ -36,6 +37,7 @@ def case(planes, packing):
         ((SIDE,), "porosity = 0.7;"),
         ((SLOPE, LID), ""),
         ((SLOPE,), "porosity = 0.86;"),
+        (HOPPER, "porosity = 0.6;"),
     ],
 )
 def test_grains_are_packed_before_planes(world, monkeypatch, planes, packing):
@@ -70,3 +72,18 @@ def test_the_height_of_a_packing_is_that_which_planes_leave_it():
 def test_planes_that_leave_no_space_are_refused():
     with pytest.raises(ConfigError, match="no space between the planes"):
         configure(loads(case((FLOOR, ([0.0, 0.0, 2.0e-4], [0.0, 0.0, -1.0])), "")))
+
+
+def test_a_hopper_is_filled_from_its_edge_on():
+    """As high as the space between its planes says, here a wedge; so many layers weigh on its lowest grains."""
+
+    def told(name, *planes):
+        numbers = derived(configure(loads(case(planes, "porosity = 0.6;"))))
+        return next(one.value for one in numbers if one.name == name)
+
+    solid = 28 * math.pi / 6.0 * 1.0e-9
+    height = math.sqrt(solid / 0.4 / 5.0e-3)
+    assert told("top of balls", *HOPPER) == pytest.approx(height, rel=0.01)
+    assert told("void fraction of balls", *HOPPER) == pytest.approx(0.6, abs=0.01)
+    layers = 0.4 * height / 0.6 / 1.0e-3  # of balls that lie loosely; on the whole floor they are less than one
+    assert told("overlap at rest", *HOPPER) == pytest.approx(layers * told("overlap at rest", FLOOR), rel=0.01)
