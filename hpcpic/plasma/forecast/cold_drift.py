@@ -35,9 +35,12 @@ def cold_drift(config: PlasmaConfig) -> Iterator[Derived]:
         if found >= least_drift("TSC", more):
             ways.insert(0, 'numerics.shape = "TSC"')
         growth, least_of = more * GAIN[numerics.shape] / found**2, "" if found > 0.3 else " or more"
+        steady = (
+            "" if not any(field_gain(config, species)) else " of steady drifts; 0.1 to 2 times that by field.electric"
+        )
         yield judged(
             f"drift of cold {species.name}", "u/(wp dx)", found, limit=f">= {least:.3g}", ok=found >= least, legal=True,
-            source=f"aliases raise its energy along the axis by {growth:.2g}{least_of}, measured",
+            source=f"aliases raise its energy along the axis by {growth:.2g}{least_of}, measured{steady}",
             cure=", or ".join([*ways, "a spread of lambda_D = dx/2 or more"]), key=("species", i, "drift_velocity"),
         )  # fmt: skip
 
@@ -47,15 +50,24 @@ def least_drift(shape: str, more: float) -> float:
     return math.sqrt(more * GAIN[shape] / TOLD)
 
 
-def slowest(config: PlasmaConfig, species: Species) -> float:
-    """The smallest u/(wp dx) of the cold parts of a species that move along an axis with a field, and of which there
-    is a particle per cell; inf where none does.
+def field_gain(config: PlasmaConfig, species: Species) -> list[float]:
+    """Speeds along each axis that the uniform electric field gives a species until the end, m/s; 0 in a magnetic one,
+    where it has a drift of its own.
     """
-    ratios, cells = [math.inf], math.prod(config.points)
+    time = config.simulation.time_step * config.simulation.cycles
+    ratio = 0.0 if any(config.field.magnetic) else species.charge / species.mass
+    return [ratio * component * time for component in config.field.electric]
+
+
+def slowest(config: PlasmaConfig, species: Species) -> float:
+    """The smallest u/(wp dx) at the end of the cold parts of a species that move along an axis with a field, and of
+    which there is a particle per cell; inf where none does.
+    """
+    ratios, cells, gained = [math.inf], math.prod(config.points), field_gain(config, species)
     for axis, (dx, n) in enumerate(zip(spacing(config), config.points)):
         for part in loader_of(species).populations(species, axis) if n > MOST_WITHOUT_FIELD else ():
             cell = plasma_frequency(config, species) * math.sqrt(part.share) * dx
             many = part.share * (species.particles or 0) >= cells
-            if cell and many and part.mean and part.spread < COLD * cell:
-                ratios.append(abs(part.mean) / cell)
+            if cell and many and (u := part.mean + gained[axis]) and part.spread < COLD * cell:
+                ratios.append(abs(u) / cell)
     return min(ratios)

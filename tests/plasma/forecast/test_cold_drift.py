@@ -40,6 +40,23 @@ def test_a_cold_drift_that_the_grid_heats_is_warned_of(world, ratio, shape, warn
         assert float(re.search(r"by ([\d.]+)", number.source)[1]) == pytest.approx(grown, rel=0.15)
 
 
+def test_a_cold_plasma_that_a_field_sets_moving_is_heated_too(world):
+    """From rest to 0.4 wp dx by wp t = 400, which took it through the slow speeds that aliases heat: a fifth of its
+    energy was heat, and no number spoke of it. A stronger field takes it through them sooner.
+    """
+    sets = [drifting(0.0), "simulation.cycles=2000", "field.electric=[1e-4, 0.0, 0.0]"]
+    number = numbers(sets, BEAM)[0]["u/(wp dx)"]
+    assert number.value == pytest.approx(0.4) and number.verdict == "warn" and "0.1 to 2 times" in number.source
+    with running(world, "hpcpic", configure(loads(BEAM, sets=sets))) as app:
+        for _ in range(2000):
+            app.step()
+        v = app.particles()["e"].columns["velocity"][:, 0]
+    told = float(re.search(r"by ([\d.]+)", number.source)[1])
+    assert v.var() / v.mean() ** 2 > 0.05 and 0.1 < v.var() / v.mean() ** 2 / told < 4
+    assert numbers([*sets, "field.electric=[1e-3, 0.0, 0.0]"], BEAM)[0]["u/(wp dx)"].verdict == "ok"
+    assert "u/(wp dx)" not in numbers([*sets, "field.magnetic=[0.0, 0.0, 1.0]"], BEAM)[0]
+
+
 def test_its_cures_pass_and_what_does_not_grow_has_no_such_number():
     cure = numbers([drifting(0.8)], BEAM)[0]["u/(wp dx)"].cure
     shape, points = re.match(r"(\S+ = \S+), or (\S+ = \S+), or a spread", cure).groups()
