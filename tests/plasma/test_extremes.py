@@ -322,7 +322,7 @@ def facts(folder):
 
 
 def test_warned(tmp_path):
-    done = run(tmp_path, 2, "simulation.time_step=1.5", flags=["--force"])
+    done = run(tmp_path, 2, "simulation.time_step=1.5", "simulation.cycles=20", flags=["--force"])
     assert done.returncode == 0 and facts(tmp_path)["status"] == "finished"
     assert any("wp dt = 1.5" in warning and "without --force" in warning for warning in facts(tmp_path)["warnings"])
     assert done.stderr.count("wp dt = 1.5") == 1

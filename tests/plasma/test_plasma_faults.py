@@ -95,12 +95,14 @@ def kill_one_rank(process, rank):
     assert process.returncode != 0 and time.monotonic() - begin < 5
 
 
+@pytest.mark.validation  # by default of the toy: tests/core/cli
 def test_killed_in_the_middle_of_a_step(folder, digest):
     done = with_fault(folder, "kill", "--checkpoint-every", "25")
     assert done.returncode != 0 and checkpoints(folder) == [75, 100]
     check_goes_on(folder, 1, digest)
 
 
+@pytest.mark.validation
 def test_killed_in_the_middle_of_a_checkpoint(folder, digest):
     done = with_fault(folder, "kill in checkpoint", "--checkpoint-every", "25", step=124)
     assert done.returncode != 0 and checkpoints(folder) == [75, 100]
@@ -127,6 +129,7 @@ def test_killed_at_any_moment(folder, digest, seed):
 SIGNAL = "SIGUSR1" if MPIRUN.with_name("prterun").exists() else "SIGTERM"
 
 
+@pytest.mark.validation
 def test_signal_to_mpirun_stops_with_a_checkpoint(folder, digest):
     process = start(folder, words(folder, "--checkpoint-every", "2"))
     process.send_signal(signal.Signals[SIGNAL])
@@ -155,6 +158,7 @@ def test_not_a_number_on_one_rank(folder, digest):
     check_goes_on(folder, 1, digest)
 
 
+@pytest.mark.validation
 def test_full_disk(disk, digest):
     """Snapshots fill it; the checkpoint that was there is good, and enough for the rest with room again."""
     done = run(disk, 2, "--checkpoint-every", "1", "--set", "output.sampling_period.particle=1")

@@ -10,13 +10,13 @@ from hpcpic.core.comm.world import World
 
 STEPS = 20
 SINGLE = 'numerics.precision="single"'
-LAWS = {  # of modules that other tests compile too
+LAWS = {
     "2D": (PLANE,),
-    "2D single, no B": (PLANE, "field.magnetic=[0.0, 0.0, 0.0]", SINGLE),
-    "1D": (LINE,),
     "1D NGP single": (LINE, 'numerics.shape="NGP"', SINGLE),
 }
 MORE_LAWS = LAWS | {
+    "2D single, no B": (PLANE, "field.magnetic=[0.0, 0.0, 0.0]", SINGLE),
+    "1D": (LINE,),
     "2D single": (PLANE, SINGLE),
     "1D single": (LINE, SINGLE),
     "2D TSC": (PLANE, 'numerics.shape="TSC"'),

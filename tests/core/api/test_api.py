@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import xarray
 from app_runner import launch
+from seldom import seldom
 
 import hpcpic
 import lbmdem
@@ -401,7 +402,7 @@ def test_a_finished_run_is_found_to_be_so_before_a_model_is_made(oscillation, tm
             run.restart(threads=1, until=float(run.series.time[-1]) / 10)
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("ranks", [seldom(1), 2])
 def test_a_restart_in_python_ends_as_the_run_that_nobody_interrupted(oscillation, tmp_path, ranks):
     cut_off(hpcpic.Case("plasma-oscillation").changed(SHORT), tmp_path / "run")
     script = tmp_path / "again.py"

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 
 import pytest
+from seldom import seldom
 from toy_runner import RUN_A, environment, wait_until
 
 from hpcpic.core.files.reader import open_run
@@ -43,7 +44,7 @@ def test_a_file_system_that_stands_still_ends_no_run(toy):
     assert toy.facts("a")["wall_seconds"] > 5.0 and toy.facts("a")["state_digest"] == toy.digest(steps=300)
 
 
-@pytest.mark.parametrize("name, ranks", [("series.csv", 1), ("series.h5", 2)])
+@pytest.mark.parametrize("name, ranks", [("series.csv", 1), seldom("series.h5", 2)])
 def test_a_series_that_is_taken_away_is_missing_at_the_end(toy, name, ranks):
     process = toy.start(*RUN_A, ranks=ranks, **SLOW)
     (toy.folder / "a" / name).unlink()

@@ -6,6 +6,7 @@ import shutil
 from types import SimpleNamespace
 
 import pytest
+from seldom import seldom
 from toy_runner import RUN_A, Toy
 
 from hpcpic.core.errors import FileError
@@ -27,7 +28,7 @@ def half(toy, made):
     return toy
 
 
-@pytest.mark.parametrize("ranks, words", [(1, ("--until", "0.1953125")), (3, ("--set", "steps=200"))])
+@pytest.mark.parametrize("ranks, words", [seldom(1, ("--until", "0.1953125")), (3, ("--set", "steps=200"))])
 def test_a_finished_run_goes_on_to_the_same_state(half, ranks, words):
     done = half("restart", "a", "--threads", "1", *words, ranks=ranks)
     assert done.returncode == 0, done.stderr

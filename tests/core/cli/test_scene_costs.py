@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from app_runner import launch
+from seldom import seldom
 from toy_runner import environment
 
 from hpcpic.core.app.forecast import OF_EVERY_RUN
@@ -181,7 +182,7 @@ OF_SCENES = {"scipy.sparse", "scipy.special", "trimesh", "pyfftw", "matplotlib",
 @pytest.mark.parametrize(
     ("program", "words", "more"),
     [
-        ("hpcpic", ["landau-damping", "simulation.cycles=2"], {"FFTW"}),
+        seldom("hpcpic", ["landau-damping", "simulation.cycles=2"], {"FFTW"}),
         ("hpcpic", ["thesis-10240-on-64", "simulation.cycles=2", 'simulation.solver="LU"'], {"scipy.sparse"}),
         ("sph", ["water-column", "numerics.spacing=0.05", "simulation.end_time=1e-3"], set()),
         ("lbmdem", ["couette", "simulation.end_time=1e-3"], set()),

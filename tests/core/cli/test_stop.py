@@ -40,7 +40,9 @@ own_ending = pytest.mark.skipif(
 )
 
 
-@pytest.mark.parametrize("name, restart_ranks", [pytest.param("SIGTERM", 1, marks=own_ending), ("SIGUSR1", 2)])
+@pytest.mark.parametrize(
+    "name, restart_ranks", [pytest.param("SIGTERM", 1, marks=[own_ending, pytest.mark.validation]), ("SIGUSR1", 2)]
+)
 def test_signal_to_mpirun(toy, name, restart_ranks):
     process = toy.start(*RUN_A, ranks=2, **SLOW)
     process.send_signal(signal.Signals[name])

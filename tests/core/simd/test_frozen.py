@@ -101,6 +101,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.validation
 def test_kept_kernels_and_restarts_know_a_number_that_stands_in_no_file(tmp_path: Path):
     """One text of a rule makes two, by the environment: the second would have run with the kernels of the first."""
     (tmp_path / "rule.py").write_text(RULE)

@@ -1,10 +1,12 @@
 import csv
 import hashlib
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
 from lattice_scenes import fluid_in_a_box
+from seldom import seldom
 
 from hpcpic.core.comm.world import World
 from hpcpic.core.space.domain import even_cuts
@@ -95,8 +97,10 @@ def test_a_force_accelerates_a_uniform_fluid_exactly():
     np.testing.assert_allclose(fluid.moments()[1], np.broadcast_to(-0.5 * force, u.shape), atol=1e-16)
 
 
-@pytest.mark.parametrize("lattice", [D2Q9, D3Q19])
-@pytest.mark.parametrize("collision", ["BGK", "TRT", "central"])
+@pytest.mark.parametrize(
+    ("lattice", "collision"),
+    [*product([D2Q9, D3Q19], ["BGK", "TRT"]), (D2Q9, "central"), seldom(D3Q19, "central")],
+)
 def test_a_fluid_starts_with_the_velocity_that_it_is_given_under_a_force_too(lattice, collision):
     """And has F t more from then on: it is no half step ahead of its force."""
     force = np.array([1e-4, -2e-4, 3e-4])[: lattice.dimensions]

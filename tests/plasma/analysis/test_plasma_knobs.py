@@ -200,6 +200,7 @@ def program(*words):
     return int(end.value.code or 0)
 
 
+@pytest.mark.validation
 def test_orders_of_a_cold_wave_and_a_recommendation_that_theory_confirms(tmp_path, monkeypatch, capfd):
     """The truth is sqrt(k-independent wp) = 1: the continuum, in no way known to the search."""
     monkeypatch.chdir(tmp_path)

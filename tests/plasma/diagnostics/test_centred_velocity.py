@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from plasma_cases import advanced
+from seldom import seldom
 
 STEPS, DT, CHARGE = 6, 0.5, 2.0  # of mass 1
 CASE = f"""
@@ -41,7 +42,7 @@ def drifting(world, d, magnetic, turn, exact):
     return velocity, b, species.n * species.m, values
 
 
-@pytest.mark.parametrize("d, magnetic", [*FIELDS[:3], pytest.param(*FIELDS[3], marks=pytest.mark.validation)])
+@pytest.mark.parametrize("d, magnetic", [FIELDS[0], *(seldom(*field) for field in FIELDS[1:])])
 def test_with_an_exact_phase_the_energy_of_a_drift_is_that_of_the_force_too(world, d, magnetic):
     """|v-|^2 = |v|^2 + |f (q/m) E dt/2|^2 across B, where that is tan(wc dt/2) times the drift; along B it is v."""
     velocity, b, mass, values = drifting(world, d, magnetic, 1.0, True)

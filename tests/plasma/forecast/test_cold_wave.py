@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from app_runner import running
 from forecast_numbers import numbers
+from seldom import seldom
 
 import hpcpic
 from hpcpic.core.case.config import loads
@@ -59,7 +60,7 @@ def test_a_cold_plasma_that_waves_move_is_heated_as_told_within_a_factor_of_two(
         assert 0.5 < number.value / grown < 2.0
 
 
-@pytest.mark.parametrize("modes, axes", [([1], [6.4]), ([0, 2], [3.2, 6.4])])
+@pytest.mark.parametrize("modes, axes", [([1], [6.4]), seldom([0, 2], [3.2, 6.4])])
 def test_a_wave_of_given_places_is_told_as_that_of_a_perturbation(modes, axes):
     """A run of the first gained 47 % until wp t = 400, for which nothing was told."""
     even = np.meshgrid(*[(np.arange(100 * length) + 0.5) / 100 for length in axes], indexing="ij")

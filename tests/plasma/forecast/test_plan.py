@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from seldom import seldom
 
 from hpcpic.core.case.config import loads
 from hpcpic.core.tasks.graph import Pool
@@ -31,7 +32,7 @@ def config(d=2, shape="CIC", n=5000, magnetic=(0.0, 0.0, 0.0)):
     return configure(loads(text))
 
 
-@pytest.mark.parametrize(("d", "shape"), [(1, "CIC"), (2, "CIC"), (2, "TSC")])
+@pytest.mark.parametrize(("d", "shape"), [(1, "CIC"), (2, "CIC"), seldom(2, "TSC")])
 def test_planned_arrays_are_the_allocated_ones(world, d, shape):
     from hpcpic.plasma.step import Plasma
 

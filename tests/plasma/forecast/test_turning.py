@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from app_runner import running
 from forecast_numbers import numbers
+from seldom import seldom
 
 from hpcpic.core.case.accelerations import register
 from hpcpic.core.case.config import loads
@@ -75,7 +76,7 @@ def test_how_much_too_large_orbits_are_is_what_a_run_shows(world, step, exact):
         assert told == pytest.approx(larger, rel=1e-3)  # four digits
 
 
-@pytest.mark.parametrize("step, exact", [(0.3, True), (0.5, True), (1.0, True), (2.0, True), (1.0, False)])
+@pytest.mark.parametrize("step, exact", [(1.0, True), (1.0, False), *(seldom(step, True) for step in (0.3, 0.5, 2.0))])
 def test_a_polarisation_drift_is_as_check_tells(world, step, exact):
     """In E_x = 0.01 t, from the start with the drift m/(q B^2) dE/dt that it has in nature: the mean of the rest."""
     register("ramp", lambda x, v, t: (0.01 * t, 0.0, 0.0))

@@ -18,12 +18,12 @@ SPECS = [(2, 2, 0, "CIC"), (2, 2, 1, "CIC"), (2, 3, 2, "CIC"), (1, 1, 0, "CIC"),
         (3, 3, 0, "CIC"), (3, 3, 2, "CIC"), (3, 3, 3, "CIC"), (2, 3, 3, "CIC"),
         (3, 3, 0, "NGP"), (3, 3, 0, "TSC")]  # fmt: skip
 BY_DEFAULT = [(2, 2, 0, "CIC", np.float32), (2, 2, 1, "CIC", np.float64), (2, 3, 2, "CIC", np.float64),
-       (1, 1, 0, "NGP", np.float32), (2, 2, 0, "TSC", np.float64), (3, 3, 2, "CIC", np.float64)]  # fmt: skip
+       (1, 1, 0, "NGP", np.float32), (2, 2, 0, "TSC", np.float64)]  # fmt: skip
 BOTH = [
     pytest.param(*spec, dtype, marks=[] if (*spec, dtype) in BY_DEFAULT else pytest.mark.validation)
     for spec in SPECS
     for dtype in (np.float64, np.float32)
-]  # by default each shape, number of axes, rotation and precision: each of all modules takes 27 s to compile
+]  # by default each shape, rotation and precision, in 1D and 2D: each of all modules takes 27 s to compile
 COMPILED = {(2, "CIC"), (1, "NGP"), (2, "TSC"), (3, "CIC")}
 BY_AXES_AND_SHAPE = [
     pytest.param(d, shape, marks=[] if (d, shape) in COMPILED else pytest.mark.validation)

@@ -79,6 +79,7 @@ def test_corners_take_nothing_from_a_sensor_at_the_foot_of_a_piston(way):
     assert sph.scalars()["g"] == pytest.approx(1000 * 9.81 * 0.475 * expected, rel=0.01 if expected == 1.0 else 0.06)
 
 
+@pytest.mark.validation
 def test_corners_take_nothing_from_a_sensor_in_space():
     """A disc at one edge and one in a corner, a square on three walls: to 1.5 %."""
     side, foot = 'at = [0.8, %s, 0.04]; axis = "x+"; radius = 0.04;', 'at = [0.05, 0.05, 0.0]; axis = "z-";'

@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import pytest
 from app_runner import environment
+from seldom import seldom
 from sph_scenes import by_id, config, engine, text
 
 from hpcpic.core.errors import ConfigError, Diverged
@@ -206,7 +207,7 @@ def test_a_heavy_body_that_sinks_comes_to_rest_on_the_floor(name):
     assert sph.guard() is None
 
 
-@pytest.mark.parametrize(("friction", "slides"), [(0.55, False), (0.4, True), (0.0, True)])
+@pytest.mark.parametrize(("friction", "slides"), [(0.55, False), (0.4, True), seldom(0.0, True)])
 def test_friction_holds_on_a_slope_up_to_its_angle(friction, slides):
     """Of 0.5: below it slides by g (sin - mu cos)."""
     slope, g = math.atan(0.5), 9.81
@@ -229,7 +230,7 @@ def line_of(stiffness, more):
                              {more} }} );"""
 
 
-@pytest.mark.parametrize("integrator", ["symplectic", "rk3-tvd"])
+@pytest.mark.parametrize("integrator", ["symplectic", seldom("rk3-tvd")])
 def test_a_moored_mass_swings_as_its_spring_says(integrator):
     """Frequency and damping of k, m and c."""
     mass, stiffness, damping = 40.0, 9000.0, 60.0

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from seldom import seldom
 from sph_scenes import by_id, column, engine, jitter, tank
 
 from sph.kernels.marks import EXTRAPOLATED
@@ -34,8 +35,8 @@ def expected(sph, own=None):
 
 @pytest.mark.parametrize(
     "settings, motion, tolerance",
-    [({"d": 2}, SHAKEN, 1e-12), ({"d": 2, "precision": "single"}, "", 2e-5),
-     ({"d": 3, "spacing": 0.1, "size": (1.0, 1.0, 1.4)}, "", 1e-12)],
+    [({"d": 2}, SHAKEN, 1e-12), seldom({"d": 2, "precision": "single"}, "", 2e-5),
+     seldom({"d": 3, "spacing": 0.1, "size": (1.0, 1.0, 1.4)}, "", 1e-12)],
 )  # fmt: skip
 def test_their_density_is_the_mean_of_the_fluid_carried_on_as_at_rest(settings, motion, tolerance):
     """Also where gravity is not along the last axis of the storage."""
@@ -123,7 +124,7 @@ def test_they_have_no_history():
     assert np.count_nonzero(column(sph, "drho")[walls]) == 0
 
 
-@pytest.mark.parametrize("precision", ["double", "single"])
+@pytest.mark.parametrize("precision", ["double", seldom("single")])
 def test_a_sheet_that_is_stretched_along_a_wall_does_not_creep_through(precision):
     """Such a sheet of one column has no pressure; it moves into the wall at a thousandth of c0."""
     sph = engine(size=(1.0, 2.4), fill=(0.05, 0.4), more=tank(2, "extrapolated-free-slip", (1.0, 2.4)), flux="delta",

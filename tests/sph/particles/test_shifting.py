@@ -33,7 +33,7 @@ def still(open_top, **numerics):
         for settings, top, late in (
             ({"smoothing": 1.3}, True, False), ({"smoothing": 1.3}, False, False), ({"smoothing": 1.5}, True, True),
             ({"smoothing": 1.5}, False, True), ({"gradient_correction": True}, True, True),
-            ({"gradient_correction": True}, False, False),
+            ({"gradient_correction": True}, False, True),
         )
     ],
 )  # fmt: skip

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from seldom import seldom
 from sph_scenes import config, engine, jitter, layers, tank, text
 
 import sph
@@ -25,13 +26,10 @@ def bodies(*every):
     return f"wall = ( {', '.join(every)} );"
 
 
-def in_both(*cases, quick=()):
-    """Cases in both precisions; of those in single precision the quick ones by default."""
+def in_both(*cases):
+    """Cases in double precision, and seldom in single."""
     return [
-        pytest.param(*case, precision, marks=[pytest.mark.validation] * late)
-        for case in cases
-        for precision in ("double", "single")
-        for late in [precision == "single" and (*case, precision) not in quick]
+        way(*case, precision) for case in cases for way, precision in ((pytest.param, "double"), (seldom, "single"))
     ]
 
 
@@ -195,9 +193,7 @@ def test_no_sensor_sits_in_a_body():
         config(more=bodies(body()) + gauge)
 
 
-@pytest.mark.parametrize(
-    ("d", "smoothing", "precision"), in_both((2, 1.3), (2, 2.0), (3, 1.5), quick=[(3, 1.5, "single")])
-)
+@pytest.mark.parametrize(("d", "smoothing", "precision"), in_both((2, 1.3), (2, 2.0), (3, 1.5)))
 def test_a_film_of_water_bears_what_solids_press_on_each_other(d, smoothing, precision):
     """One layer of it between a body and the floor, a wall and another body, deep under water: the body has the lift of
     Archimedes and is drawn nowhere. Corners lack up to 3.4 % of it; of the pressures, a few times the lift, films alone
@@ -277,7 +273,9 @@ def test_pairs_that_push_along_their_line_miss_no_torque(settings):
     assert torque == pytest.approx(pairs, abs=1e-9 * whole)
 
 
-@pytest.mark.parametrize(("d", "form", "most"), [(2, "morris", 0.03), (2, "full-stress", 0.1), (3, "morris", 0.2)])
+@pytest.mark.parametrize(
+    ("d", "form", "most"), [(2, "morris", 0.03), seldom(2, "full-stress", 0.1), seldom(3, "morris", 0.2)]
+)
 def test_fluid_that_turns_with_a_body_feels_none_of_its_friction(d, form, most):
     """The torque over 2 mu w V: 0 by theory. Measured -0.004 and 0.04 with 10 spacings of radius, in space -0.14
     with 5; -0.06, 0.04 and -0.24 where friction takes hold at the particles of the body, below its surface; 0.7, 0.8

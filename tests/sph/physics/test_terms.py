@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from seldom import seldom
 from sph_scenes import by_id, column, engine, jitter, reference, tank
 
 ROUNDING = 1e-12  # of sums of 100 terms in float64, relative to the largest value
@@ -42,7 +43,7 @@ def test_sums_are_those_over_all_pairs(integrator, d, flux):
     check(ROUNDING, integrator=integrator, d=d, size=size, spacing=0.05 if d == 2 else 0.08, flux=flux)
 
 
-@pytest.mark.parametrize("integrator, kernel", both(("euler", "cubic"), ("euler", "wendland4"), ("euler", "quintic")))
+@pytest.mark.parametrize("integrator, kernel", both(("euler", "cubic"), ("", "wendland4"), ("", "quintic")))
 def test_sums_with_other_kernels(integrator, kernel):
     check(ROUNDING, integrator=integrator, d=2, kernel=kernel, periodic=("y",))
 
@@ -54,7 +55,7 @@ def test_rates_by_masses_are_those_over_all_pairs(integrator, flux):
 
 @pytest.mark.parametrize(
     "integrator, form",
-    both(("symplectic", "cleary"), ("euler", "morris"), ("symplectic", "strain-rate"), ("symplectic", "full-stress")),
+    both(("", "cleary"), ("euler", "morris"), ("symplectic", "strain-rate"), ("", "full-stress")),
 )
 def test_sums_with_viscosity(integrator, form):
     check(ROUNDING, integrator=integrator, d=2, form=form, viscosity=5.0)
@@ -82,7 +83,7 @@ def test_corrected_gradients_are_exact_for_linear_fields():
     assert error[-5] < 1e-12 * np.abs(gradient).sum()  # but for corners with too few neighbours
 
 
-@pytest.mark.parametrize("d, precision", [(2, "double"), (3, "single")])
+@pytest.mark.parametrize("d, precision", [(2, "double"), seldom(3, "single")])
 def test_moments_are_those_over_all_pairs_and_move_no_bit(d, precision):
     """In 3D the storage has the axis of gravity first. A run that tells them goes on as one that does not."""
     settings = {"d": d, "size": (1.0, 1.0, 1.3)[:d], "spacing": 0.05 if d == 2 else 0.08, "precision": precision}
@@ -126,7 +127,7 @@ def test_shifting_pushes_particles_towards_the_lattice():
     assert np.sum(away * offset) < -0.5 * np.sqrt(np.sum(away**2) * np.sum(offset**2))
 
 
-@pytest.mark.parametrize("integrator, d", both(("symplectic", 2), ("euler", 3)))
+@pytest.mark.parametrize("integrator, d", both(("symplectic", 2), ("", 3)))
 def test_sums_around_a_periodic_box(integrator, d):
     more = {"periodic": ("x", "y", "z")[:d], "flux": "delta"}
     check(ROUNDING, integrator=integrator, d=d, fill=1.0, spacing=0.05 if d == 2 else 0.125, **more)
