@@ -17,9 +17,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
-from numba.core import event
 
 from hpcpic.core.simd import own
+
+# isort: split
+from numba.core import event  # after hpcpic, which sets what numba reads when it is imported
 
 gc.set_threshold(50_000)  # as programs do: what compiles makes many objects that stay
 os.fsync = lambda descriptor: None  # no test cuts the power; each call would take milliseconds, a run has dozens
