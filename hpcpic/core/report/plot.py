@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 
 UNENDED = ("running", "killed")  # the status of a run whose end run.json does not tell
+KINDS = "png", "svg", "gif", "mp4"  # of files
 
 
 def plots_of(app: App) -> Mapping[str, Plot]:
@@ -33,19 +34,22 @@ def make_plot_command(app_loader: AppLoader) -> click.Command:
     @click.command("plot")
     @click.argument("folder", metavar="DIR")
     @click.argument("what", default="all")
-    @click.option("-o", "--output", metavar="FOLDER", help="Where the files go.  [default: DIR/plots]")
+    @click.option(
+        "-o",
+        "--output",
+        metavar="PATH",
+        help="Where the files go: a folder, or for one figure a file, FIGURE.png.  [default: DIR/plots]",
+    )
     @click.option(
         "--format",
         "kind",
-        type=click.Choice(["png", "svg", "gif", "mp4"]),
-        default="png",
-        show_default=True,
-        help="gif, mp4: a movie over the snapshots; mp4 wants the extra `video`.",
+        type=click.Choice(KINDS),
+        help="gif, mp4: a movie over the snapshots; mp4 wants the extra `video`.  [default: png, or that of the file]",
     )
     @use_option
     @click.option("--step", type=int, help="Snapshot to draw.  [default: the last one]")
     @follow_option
-    def plot(folder: str, what: str, output: str | None, kind: str, step: int | None, follow: bool) -> None:
+    def plot(folder: str, what: str, output: str | None, kind: str | None, step: int | None, follow: bool) -> None:
         """Draw figures of a run: all that its scene and its files allow, or the one that WHAT names.
 
         Needs no display. An unknown WHAT lists the names there are. If a figure fails, the others are drawn.
@@ -54,10 +58,11 @@ def make_plot_command(app_loader: AppLoader) -> click.Command:
         plots = plots_of(app)
         names = list(plots) if what == "all" else [_known(what, plots)]
         target = Path(output) if output else Path(folder) / "plots"
+        path_of = _paths(target, what, kind)
         for run in states_of(folder, app.name, follow):
             outcomes = {}
             for name in names:
-                outcomes[name] = _outcome(run, plots[name], target / f"{name}.{kind}", step)
+                outcomes[name] = _outcome(run, plots[name], path_of(name), step)
                 if not follow and isinstance(outcomes[name], Path):
                     click.echo(outcomes[name])
             if follow:
@@ -65,6 +70,18 @@ def make_plot_command(app_loader: AppLoader) -> click.Command:
         _tell(folder, what, outcomes)
 
     return plot
+
+
+def _paths(target: Path, what: str, kind: str | None) -> Callable[[str], Path]:
+    """The file of a figure by its name: in a folder, or the one that is named for WHAT."""
+    own = target.suffix[1:]
+    if own not in KINDS or target.is_dir():
+        return lambda name: target / f"{name}.{kind or KINDS[0]}"
+    if what == "all":
+        raise ConfigError(f"-o {target}: one file for all figures (name one: plot DIR WHAT -o {target}, or a folder)")
+    if kind not in (None, own):
+        raise ConfigError(f"-o {target}: a file of another kind than --format {kind}")
+    return lambda name: target
 
 
 def so_far(run: Run) -> str:

@@ -82,6 +82,21 @@ def test_who_follows_a_run_sees_each_change_until_it_ends(folder, tmp_path, monk
     assert next(states).summary["status"] == "killed" and next(states, None) is None
 
 
+def test_one_figure_goes_to_the_file_that_is_named(folder, tmp_path):
+    for name in ("one.png", "two.svg"):
+        done = hpcpic("plot", folder, "phase-space", "-o", tmp_path / "new" / name)
+        assert done.exit_code == 0 and done.output.split() == [str(tmp_path / "new" / name)]
+    assert (tmp_path / "new/one.png").read_bytes().startswith(b"\x89PNG") and "<svg" in (
+        tmp_path / "new/two.svg"
+    ).read_text()
+    for words in (("all", "-o", tmp_path / "x.png"), ("phase-space", "--format", "svg", "-o", tmp_path / "x.png")):
+        done = hpcpic("plot", folder, *words)
+        assert done.exit_code == 2 and "x.png: " in done.output and not (tmp_path / "x.png").exists()
+    (tmp_path / "maps.png").mkdir()
+    assert hpcpic("plot", folder, "phase-space", "-o", tmp_path / "maps.png").exit_code == 0
+    assert (tmp_path / "maps.png/phase-space.png").exists()
+
+
 def test_plot_and_report_that_follow_end_with_the_run(folder, tmp_path):
     done = hpcpic("plot", folder, "modes", "--follow", "-o", tmp_path)
     assert done.exit_code == 0 and "finished, step 200, t = " in done.output, done.output
