@@ -380,8 +380,8 @@ def _fields_in_plane(run: Run, snapshots: Fields, number: int) -> Figure:
         for axis in axes.flat[len(panels) :]:
             axis.set_axis_off()
         for axis, (name, values, colours) in zip(axes.flat, panels):
-            limit = float(np.abs(values).max()) or 1.0
-            low = -limit if colours == SIGNED else 0.0
+            limit, least = float(np.abs(values).max()) or 1.0, float(values.min())
+            low = -limit if colours == SIGNED else least if least > limit / 2 else 0.0  # so a wave of 1 % of n shows
             image = axis.imshow(
                 values,
                 origin="lower",

@@ -242,6 +242,18 @@ def test_many_fields_are_drawn_in_rows(run, tmp_path):
     assert figure.get_size_inches()[0] < 12 and not unreadable(figure)
 
 
+@pytest.mark.parametrize(("least", "begins"), [(0.98, 0.98), (0.1, 0.0)])
+def test_colours_of_a_density_show_a_small_wave(run, tmp_path, least, begins):
+    """They begin at 0 where it comes near that."""
+    folder = shutil.copytree(run.path, tmp_path / "a", ignore=shutil.ignore_patterns("fields.vtkhdf"))
+    n = FieldArray(np.linspace(least, 1.0, 32).reshape(4, 8), "1/m2")
+    FieldsWriter(Alone(), folder / "fields.vtkhdf").append(
+        0, 0.0, Domain((1.0, 2.0), (4, 8), (True,) * 2, (0, 4)), {"n_e": n}
+    )
+    (image,) = [image for axes in PLOTS["fields"].make(open_run(folder), None).axes for image in axes.images]
+    assert image.get_clim() == pytest.approx((begins, 1.0))
+
+
 def test_svg_is_the_same_each_time_and_its_ids_do_not_meet(run):
     texts = [svg(PLOTS["modes"].make(run, None), prefix) for prefix in ("a-", "a-", "b-")]
     assert texts[0] == texts[1]
