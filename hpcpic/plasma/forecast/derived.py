@@ -27,6 +27,7 @@ from hpcpic.plasma.forecast.noise import (
 from hpcpic.plasma.forecast.rates import DEFAULT
 from hpcpic.plasma.forecast.recurrence import recurrence
 from hpcpic.plasma.forecast.scales import (
+    MOST_WITHOUT_FIELD,
     UNITS,
     charge_density,
     driven,
@@ -205,8 +206,8 @@ def resolution(config: PlasmaConfig) -> Iterator[Derived]:
         wp = plasma_frequency(config, species)
         for axis, thermal in enumerate(thermal_velocities(config, species)):
             inverse_sq[axis] += denser * (wp / thermal) ** 2 if thermal > 0 else 0.0
-    axes = list(zip(inverse_sq, spacing(config), config.points))  # one point has no field along its axis
-    ratios = [1 / math.sqrt(k) / dx if k > 0 and n > 1 else math.inf for k, dx, n in axes]
+    axes = list(zip(inverse_sq, spacing(config), config.points))
+    ratios = [1 / math.sqrt(k) / dx if k > 0 and n > MOST_WITHOUT_FIELD else math.inf for k, dx, n in axes]
     ratio = min(ratios)
     if ratio == math.inf:
         return

@@ -7,7 +7,9 @@ import pytest
 from app_runner import running
 from forecast_numbers import numbers
 
+from hpcpic.core.case.config import loads
 from hpcpic.plasma.configure import configure
+from hpcpic.plasma.forecast.derived import derived
 from hpcpic.plasma.physics.heating import HEATING, energy_ratio, rate, rate_of_step, rates_across
 
 # Shape, dimensions, lambda_D/dx, particles per cell, wp t, W(t)/W(0) as runs gave it: those until 875 on 64 x 64 and
@@ -357,3 +359,14 @@ def test_each_cure_of_heating_cures_by_the_same_formula(debye, cycles, tsc):
 def test_the_debye_length_that_no_grid_can_resolve_has_no_grid_as_a_cure():
     cure = numbers(["species[0].thermal_velocity=1e-9"])[0]["lambda_D/dx"].cure
     assert "points" not in cure and "a hotter or thinner plasma" in cure
+
+
+@pytest.mark.parametrize("points", [(1, 1), (1, 2), (2, 2), (2, 64)])
+def test_axes_without_a_field_ask_for_no_debye_length(points):
+    """A difference over two cells of two points is none: `check` ended with a KeyError where no axis had more."""
+    text = f"""simulation = {{ cycles = 10; time_step = 0.1; space_length = [1.0, 1.0]; }};
+        grid = {{ points = {list(points)}; }};
+        species = ({{ name = "e"; particles = 640; charge = -1.0; mass = 1.0; thermal_velocity = 0.01;
+                     plasma_frequency = 1.0; }});"""
+    told = {one.symbol: one for one in derived(configure(loads(text)))}
+    assert ("lambda_D/dx" in told) == (max(points) > 2)
