@@ -144,10 +144,9 @@ def packed_space(config: LbmDemConfig, grains: GrainSet, solid: float) -> float:
 def packing_area(config: LbmDemConfig, grains: GrainSet, high: float) -> float:
     """Section (m2, in 2D m) that the box and planes leave to a packing across the last axis, mean up to a height, m."""
     ends, tops = packing_ends(config, grains)
-    area = math.prod(top - end for end, top in zip(ends[:-1], tops))
     if (below := space_below(config, grains)) and high > ends[-1]:
-        area *= float(np.interp(high, *below)) / (area * (min(high, tops[-1]) - ends[-1]))
-    return area
+        return float(np.interp(high, *below)) / (min(high, tops[-1]) - ends[-1])
+    return math.prod(top - end for end, top in zip(ends[:-1], tops))
 
 
 def space_below(config: LbmDemConfig, grains: GrainSet) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:

@@ -42,9 +42,8 @@ class App:
     # grow
     grow: Callable[[Any, int], tuple[str, ...]] | None = None
     mass: Callable[[Any], float] | None = None  # (config): of all particles, kg, where the series does not tell it
-    periods: Callable[[Any], tuple[float, ...]] | None = (
-        None  # (config): after which the box repeats along each axis, m
-    )
+    # (config): after which the box repeats along each axis, m; infinite where it does not
+    periods: Callable[[Any], tuple[float, ...]] | None = None
     stop_sem: Callable[[Any], float] = lambda config: 0.0  # (config): relative error of the mean step that ends a run
     free: tuple[str, ...] = ()  # keys, or groups of keys, that a restart may change
     bench: Callable[[bool], Mapping[str, float]] | None = None  # (quick): rates of the kernels on this machine
