@@ -182,14 +182,26 @@ def obstacles(config: LbmDemConfig) -> Iterator[Derived]:
 
 
 def sliding(config: LbmDemConfig) -> Iterator[Derived]:
-    """Velocity of grains that stay: that of their surface alone."""
+    """Velocity of grains that stay, and of boxes through faces that the fluid meets: that of their surface alone."""
+    dx, cure = config.spacing, "its surface slides and it stays where it is: "
     for i, group in enumerate(config.grains):
         speed = largest(group, "velocity")
         if speed and (not group.moving or config.coupling.frozen):
-            cure = "its surface slides and it stays where it is: moving = true lets it go, velocity = [] holds it still"
-            cure += ", angular_velocity turns it"
+            ways = "moving = true lets it go, velocity = [] holds it still, angular_velocity turns it"
             name, key = f"velocity of {group.name}, which stays", ("grains", i, "velocity")
-            yield Derived(name, "v", speed, "m/s", "0", "warn", "", cure, key)
+            yield Derived(name, "v", speed, "m/s", "0", "warn", "", cure + ways, key)
+    for i, obstacle in enumerate(config.obstacle if config.fluid else ()):
+        low, high = (obstacle.shape.box.low, obstacle.shape.box.high) if obstacle.shape.box else ((), ())
+        ends = zip(AXES, obstacle.velocity, low, high, config.domain.size)
+        # the fluid meets a face with a node beyond it
+        met = [
+            abs(u) for axis, u, a, b, length in ends
+            if (b - a < length - dx if axis in config.domain.periodic else a > 0.5 * dx or b < length - 0.5 * dx)
+        ]  # fmt: skip
+        if any(met):
+            ways = "fluid passes through faces across it; along a belt from side to side of the domain none does"
+            name = f"velocity through {obstacle.name or f'obstacle_{i + 1}'}"
+            yield Derived(name, "v", max(met), "m/s", "0", "warn", "", cure + ways, ("obstacle", i, "velocity"))
 
 
 def gauges(config: LbmDemConfig) -> Iterator[Derived]:

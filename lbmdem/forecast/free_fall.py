@@ -35,22 +35,29 @@ def drag_coefficient(reynolds: float) -> float:
 
 def terminal_speed(config: LbmDemConfig, i: int) -> float:
     """Speed (m/s) at which the largest grain of a set falls alone; of a disc the least of Stokes's, that of a drag
-    coefficient of 1 and that of creeping flow in the middle between walls along its fall."""
+    coefficient of 1 and that of creeping flow between walls along its fall."""
     group, nu = config.grains[i], config.liquid.kinematic_viscosity
     pull = math.hypot(*config.gravity) * abs(group.density / config.liquid.density - 1.0)
     size = group.largest_diameter
-    return min(speed_alone(config, size, pull), pull * size**2 / (18.0 * nu) * between_walls(config, size))
+    return min(speed_alone(config, size, pull), pull * size**2 / (18.0 * nu) * between_walls(config, group))
 
 
-def between_walls(config: LbmDemConfig, size: float) -> float:
-    """Speed of a disc that falls in the middle of a channel that is closed below, over Stokes's of `speed_alone`; 1
-    without walls. Its drag is 9 sqrt(2) pi mu U h^-2.5 (lubrication, of what it drives up beside it) times
-    1 + h + 0.52 h^2, with h the gap over the radius: within 5 % of Faxen 1946 from h = 1 on, 2 % of runs at 0.15."""
+def between_walls(config: LbmDemConfig, group: GrainSet) -> float:
+    """Speed of the largest disc of a set that falls in a channel that is closed below, over Stokes's of `speed_alone`;
+    1 without walls. In the middle its drag is 9 sqrt(2) pi mu U h^-2.5 (lubrication, of what it drives up beside it)
+    times 1 + h + 0.52 h^2, with h the gap over the radius: within 5 % of Faxen 1946 from h = 1 on, 2 % of runs at 0.15.
+    Off the middle two gaps (1 +- e) h let through as much as their mean power 2.5, at the walls 2^1.5 times as much,
+    which fades until h = 2: within 15 % of runs at h = 0.3 to 2 and e up to 0.9. The fastest disc counts."""
     down = int(np.argmax(np.abs(config.gravity)))
     across = config.walled(down) if config.dimensions == 2 and AXES[down] not in config.unwalled else ()
-    ends, tops = ends_between_planes(config.domain.size, config.obstacle)
-    h = min((max(ROUGH, (tops[k] - ends[k]) / size - 1.0) for k in across), default=math.inf)
-    return min(1.0, h**2.5 / (math.sqrt(8.0) * (1.0 + h + 0.52 * h * h))) if h < 5.0 else 1.0
+    if not across:
+        return 1.0
+    k, (ends, tops) = across[0], ends_between_planes(config.domain.size, config.obstacle)
+    h = max(ROUGH, (tops[k] - ends[k]) / group.largest_diameter - 1.0)
+    away = 2.0 * np.array([x[k] for x in group.centres]) - ends[k] - tops[k]  # from the middle, twice
+    e = min(1.0, float(np.abs(away).max(initial=0.0)) / (h * group.largest_diameter))
+    wider = 1.0 + (0.5 * ((1.0 - e) ** 2.5 + (1.0 + e) ** 2.5) - 1.0) * max(0.0, 1.0 - 0.5 * h)
+    return min(1.0, wider * h**2.5 / (math.sqrt(8.0) * (1.0 + h + 0.52 * h * h))) if h < 5.0 else 1.0
 
 
 def speed_alone(config: LbmDemConfig, size: float, pull: float) -> float:
@@ -260,7 +267,7 @@ def falling(config: LbmDemConfig, i: int) -> Iterator[Derived]:
         return
     source = "Schiller & Naumann 1933" if config.dimensions == 3 else "Stokes; drag coefficient 1 of a disc"
     name, size = config.grains[i].name or f"grains_{i + 1}", config.grains[i].largest_diameter
-    source += "; in the middle between walls" if between_walls(config, size) < 1.0 else ""
+    source += "; between walls" if between_walls(config, config.grains[i]) < 1.0 else ""
     reynolds = v * size / fluid.kinematic_viscosity
     yield Derived(f"speed of {name}, alone", "v", v, "m/s", source=source)
     yield Derived(f"Reynolds number of {name}, alone", "v D/nu", reynolds)

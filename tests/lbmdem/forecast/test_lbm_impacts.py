@@ -150,3 +150,17 @@ def test_a_disc_that_fills_its_channel_hardly_falls():
     thin, thick = (told(RELEASED, alone, *sets).value for sets in fills)
     assert thick / thin == pytest.approx(2.0**2.5, rel=0.04)
     assert told(RELEASED, SWINGS, *fills[0]).value > 100.0 * told(RELEASED, SWINGS, creeping).value
+
+
+@pytest.mark.parametrize(
+    ("h", "e", "measured"), [(0.3, 0.7, 2.01), (0.6, 0.9, 1.96), (1.0, 0.5, 1.36), (2.0, 0.5, 1.14)]
+)
+def test_a_disc_off_the_middle_of_its_channel_falls_faster(h, e, measured):
+    """By the wider of its gaps, which it drives the fluid up through, on either side; runs of the creeping flow."""
+    alone, size = "speed of grains_1, alone", 0.006 / (1.0 + h)
+    sets = "gravity=[0.0, -1e-6]", f"grains[0].diameter={size}"
+    aside = 0.5 * e * (0.006 - size)
+    middle, left, right = (
+        told(RELEASED, alone, *sets, f"grains[0].position=[{0.003 + x}, 0.0065]").value for x in (0.0, -aside, aside)
+    )
+    assert left == pytest.approx(right) and left / middle == pytest.approx(measured, rel=0.15)
