@@ -18,6 +18,7 @@ PACKAGES = ("hpcpic", "sph", "lbmdem")
 MOST_MODULES = 16  # in a folder: more hide each other
 MOST_PARAMETERS = 12
 MOST_LINES = 420
+COMPILED = ("njit", "kernel", "inlined")  # names of decorators
 
 
 @cache
@@ -115,6 +116,20 @@ def test_every_docstring_can_be_read_alone():
 
 
 UNREAD = {"reproducible"}  # true in every case
+
+
+def test_kernels_take_their_scratch_arrays_from_a_few_instructions():
+    """Not from np.empty and np.zeros, for which numba compiles functions of its own (core/simd/scratch.py)."""
+    found = [
+        f"{file.name}:{call.lineno}"
+        for file in modules().values()
+        for function in ast.walk(parsed(file))
+        if isinstance(function, ast.FunctionDef)
+        and any(ast.unparse(one).partition("(")[0] in COMPILED for one in function.decorator_list)
+        for call in ast.walk(function)
+        if isinstance(call, ast.Call) and ast.unparse(call.func) in ("np.empty", "np.zeros")
+    ]
+    assert not found
 
 
 @cache

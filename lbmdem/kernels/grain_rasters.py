@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.simd.compile import njit
+from hpcpic.core.simd.scratch import empty, zeros
 from hpcpic.core.simd.vector import (
     Vec,
     bitmask,
@@ -85,7 +86,7 @@ def find_images(table, lengths, window, images):
     They are stored while there is room; lengths[IMAGES]: how many.
     """
     count, origin, shape, points = 0, window.origin, window.shape, window.points
-    first, last = np.zeros(3, np.int64), np.zeros(3, np.int64)
+    first, last = zeros(3, np.int64), zeros(3, np.int64)
     for g in range(lengths[GRAINS]):
         for a in range(3):
             centre, reach = table.centres[g, a], table.radii[g] + MARGIN
@@ -134,7 +135,7 @@ def mark(solid, table, images, lengths, window, claimants):
     find_images(table, lengths, window, images)
     if lengths[IMAGES] <= images.grain.size:
         ids = table.ids[: lengths[GRAINS]]
-        lost = np.zeros(ids.size, np.bool_)
+        lost = zeros(ids.size, np.bool_)
         for m in range(lengths[IMAGES]):
             mark_image(solid, table, images, m, ids, lost)
         keep_claimants(ids, lost, lengths, claimants)
@@ -281,7 +282,7 @@ def chords(c, shift, p, r):
 def list_changes(solid, places, shifts, numbers, lists, share):
     """List the nodes that the images of a block leave and take."""
     counts = lists.counts
-    n_left, n_taken, ends = 0, 0, np.empty((4, N))
+    n_left, n_taken, ends = 0, 0, empty((4, N), np.float64)
     leaving, leaving_by = lists.left[share], lists.left_by[share]
     taking, taking_by = lists.taken[share], lists.taken_by[share]
     for m in range(counts[share, 0], counts[share + 1, 0]):
@@ -335,7 +336,7 @@ def claim(solid, table, images, lengths, window, lists, claimants, changed, own,
     if moved > images.grain.size or lengths[LONGEST] > lists.left.shape[1] or lengths[CHANGED] > changed.size:
         return
     ids = table.ids[: lengths[GRAINS]]
-    lost = np.zeros(ids.size, np.bool_)
+    lost = zeros(ids.size, np.bool_)
     _hand_over(solid, ids, lists, lost)
     for m in range(lengths[IMAGES]):
         if row_of(claimants, lengths[CLAIMANTS], ids[images.grain[m]]) >= 0:
@@ -375,7 +376,7 @@ def _hand_over(solid, ids, lists, lost):
 def _join(solid, lengths, inner, lists, changed, own, own_by):
     """The lists of all blocks as one."""
     flat, (counts, left, left_by, taken, taken_by) = solid.reshape(-1), lists
-    count, kept = 0, np.zeros(2, np.int64)
+    count, kept = 0, zeros(2, np.int64)
     for kind in range(2):
         nodes, owners = (taken, taken_by) if kind else (left, left_by)
         for share in range(left.shape[0]):

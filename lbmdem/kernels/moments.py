@@ -3,6 +3,7 @@
 import numpy as np
 
 from hpcpic.core.simd.compile import njit
+from hpcpic.core.simd.scratch import empty, zeros
 from hpcpic.core.simd.vector import (
     Vec,
     address_of,
@@ -76,7 +77,7 @@ def moments(f, ids, ghosts, places, e, shift, parity, low, high, rho, u):
     """rho[planes, rows, nx] and u[..., d] of planes low..; shift[c]: the part of the force in the
     momentum. Solid nodes have 1 and 0."""
     d = e.shape[1]
-    lines, h = np.empty((1 + d, rho.shape[2])), np.empty(rho.shape[2], f.dtype)
+    lines, h = empty((1 + d, rho.shape[2]), np.float64), empty(rho.shape[2], f.dtype)
     for z in range(low, high):
         for y in range(rho.shape[1]):
             gather(f, places, e, parity, z, y, h, lines)
@@ -94,13 +95,14 @@ def row_sums(f, ids, ghosts, places, e, shift, parity, low, high, sums, fastest)
     fastest[plane, row] = largest u^2. A row is summed in the order of its nodes, so that no decomposition shows."""
     strides, slots, shifts, positions = places
     q, d = e.shape
-    starts, way, forced, terms = np.empty(q, np.int64), np.zeros(3 * q), np.zeros(3), np.empty(COLUMNS * N)
+    starts, terms = empty(q, np.int64), empty(COLUMNS * N, np.float64)
+    way, forced = zeros(3 * q, np.float64), zeros(3, np.float64)
     for i in range(q):
         for c in range(d):
             way[3 * i + c], forced[c] = e[i, c], shift[c]
     line, nx = ids.reshape(-1), ids.shape[2] - 2
     dense = positions.shape[0] == 0
-    room = np.zeros((q, 1 if dense else nx + N), f.dtype)
+    room = zeros((q, 1 if dense else nx + N), f.dtype)
     rows = f if dense else room.reshape(-1)
     steps = offsets(strides, slots, shifts, parity) if dense else starts
     for z in range(low, high):
@@ -175,7 +177,7 @@ def excesses(f, places, parity, nodes, excess):
 @njit
 def read(f, ids, ghosts, places, parity, low, high, h):
     """h[plane, row, x, i] of planes low..; 0 in solid nodes."""
-    line = np.empty(h.shape[2], f.dtype)
+    line = empty(h.shape[2], f.dtype)
     for z in range(low, high):
         for y in range(h.shape[1]):
             solid, target = ids[z + 1, y + ghosts], h[z, y]

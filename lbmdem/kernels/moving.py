@@ -8,6 +8,7 @@ order.
 import numpy as np
 
 from hpcpic.core.simd.compile import njit
+from hpcpic.core.simd.scratch import empty, zeros
 from hpcpic.core.simd.vector import (
     Vec,
     convert,
@@ -53,7 +54,7 @@ F, L, H = Vec(N, np.float64), Vec(N, np.int64), Vec(N, np.int32)
 def find_parts(table, images, lengths, ends, cuts, parts):
     """Parts of images in which links start, PLANES planes at most, share by share: those of the planes
     ends[s] .. ends[s + 1] are cuts[s] .. cuts[s + 1]. They are stored if there is room for all cuts[-1] of them."""
-    number = np.zeros(ends.size - 1, np.int64)
+    number = zeros(ends.size - 1, np.int64)
     for storing in range(2):
         for m in range(lengths[IMAGES]):
             g = images.grain[m]
@@ -95,8 +96,8 @@ def moving_links(
     """
     inner, reach = nodes.inner, REACH[bounce_back.rule]
     words, listed, size = scratch_sizes(table.radii)
-    further = np.empty((2, listed if reach == 2 else 0))
-    scratch = Scratch(np.empty(size, np.int32), words, listed, further, np.empty(GAINS * N, np.int64))
+    further = empty((2, listed if reach == 2 else 0), np.float64)
+    scratch = Scratch(empty(size, np.int32), words, listed, further, empty(GAINS * N, np.int64))
     counters[share] = 0
     for k in range(cuts[share], cuts[share + 1]):
         m = parts.image[k]

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.simd.compile import njit
+from hpcpic.core.simd.scratch import zeros
 from lbmdem.kernels.layout import FLUID
 from lbmdem.kernels.sweep import MIXED, PLAIN, SKIP
 
@@ -94,7 +95,7 @@ def _skip(kinds, hops, z, y):
 @njit
 def _fetch(kinds, strides, bytes_per_element, n, ahead, hops, low, row, high, most):
     """Hops of the `most` first vectors with fluid from a row of the plane low on, before the plane high."""
-    ring = np.zeros((ahead, 4), np.int64)  # the last `ahead` vectors with fluid
+    ring = zeros((ahead, 4), np.int64)  # the last `ahead` vectors with fluid
     count = 0
     for z in range(low, high):
         for y in range(row if z == low else 0, kinds.shape[1]):

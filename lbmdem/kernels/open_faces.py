@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.simd.compile import njit
+from hpcpic.core.simd.scratch import zeros
 from lbmdem.kernels.layout import FLUID, element
 
 
@@ -77,7 +78,7 @@ def zou_he(f, layer, shift, given, values):
     are the populations against `side`; the opposite ones are reflected, and corrected along the face.
     """
     solid, ghosts, places, e, weights, low, high, axis, side = layer
-    h, momentum = np.zeros(weights.size), np.zeros(3)
+    h, momentum = zeros(weights.size, np.float64), zeros(3, np.float64)
     for z in range(low[0], high[0]):
         for y in range(low[1], high[1]):
             for x in range(low[2], high[2]):

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.simd.compile import njit
+from hpcpic.core.simd.scratch import empty, zeros
 from lbmdem.kernels.grain_rasters import GRAINS, UNCOVERED, row_of
 from lbmdem.kernels.layout import place
 from lbmdem.kernels.link_arrays import FLUID, arrival
@@ -65,7 +66,7 @@ def copy_plane(populations, parity, p, plane):
 @njit
 def offsets(strides, slots, shifts, parity):
     """Elements from the place of a node in slot 0 to its arrivals, away from the ends of planes and rows."""
-    steps = np.empty(slots.shape[1], np.int64)
+    steps = empty(slots.shape[1], np.int64)
     for i in range(steps.size):
         there = shifts[i, 0] * strides[1] + shifts[i, 1] * strides[2] + shifts[i, 2]
         steps[i] = slots[parity, i] * strides[0] + there
@@ -107,7 +108,7 @@ def outside(node, nodes):
 def mean(populations, parity, nodes, sizes, edge, e, w, mode, k, total):
     """Mean of the density less one over the fluid neighbours of node k; total[q]: mean of their non-equilibrium."""
     x, r, p = local_node(k, nodes)
-    shape, found, density, h = nodes.shape, 0, 0.0, np.empty(w.size)
+    shape, found, density, h = nodes.shape, 0, 0.0, empty(w.size, np.float64)
     total[:] = 0.0
     for i in range(1, e.shape[0]):
         at = (x + e[i, 0], r + e[i, 1], p + e[i, 2])
@@ -149,7 +150,7 @@ def kind_of(p, r, sizes):
 def offsets_of_kinds(populations, parity, sizes):
     """steps[kind, q]: elements from the place of a node in slot 0 to its arrivals."""
     strides, q = populations.strides, populations.slots.shape[1]
-    steps = np.empty((6, q), np.int64)
+    steps = empty((6, q), np.int64)
     for p in range(max(sizes[2] - 2, 0), sizes[2]):
         for r in (0, min(1, sizes[1] - 1), sizes[1] - 1):
             for i in range(q):
@@ -165,7 +166,7 @@ def fluid_neighbours(strides, nodes, sizes, edge, e, uncovered, where, kinds, af
     kinds: of their rows; after[n]: the end of those of uncovered[n]. Returns how many.
     """
     count, q, solid, shape = 0, e.shape[0], nodes.solid, nodes.shape
-    near, to = np.empty(q, np.int64), np.empty(q, np.int64)
+    near, to = empty(q, np.int64), empty(q, np.int64)
     for i in range(q):
         near[i] = (e[i, 2] * shape[1] + e[i, 1]) * shape[0] + e[i, 0]
         to[i] = e[i, 2] * strides[1] + e[i, 1] * strides[2] + e[i, 0]
@@ -206,9 +207,9 @@ def fill(share, shares, own, own_by, lengths, table, window, populations, parity
     Neighbours that are being uncovered too are not asked.
     """
     sizes, edge, e, w, mode, frame = source
-    h, steps = np.zeros(w.size), offsets_of_kinds(populations, parity, sizes)
-    where, kinds = np.empty(CHUNK * w.size, np.int64), np.empty(CHUNK * w.size, np.int64)
-    sums, after = np.empty(CHUNK * w.size), np.empty(CHUNK, np.int64)
+    h, steps = zeros(w.size, np.float64), offsets_of_kinds(populations, parity, sizes)
+    where, kinds = empty(CHUNK * w.size, np.int64), empty(CHUNK * w.size, np.int64)
+    sums, after = empty(CHUNK * w.size, np.float64), empty(CHUNK, np.int64)
     end = (share + 1) * lengths[UNCOVERED] // shares
     for first in range(share * lengths[UNCOVERED] // shares, end, CHUNK):
         chunk = own[0, first : min(first + CHUNK, end)]
@@ -236,7 +237,7 @@ def fill_average(share, shares, own, own_by, lengths, table, window, populations
     """Give a share of the uncovered nodes own[0] the equilibrium with the velocity of the grain own_by[0] and the mean
     density of the fluid, 1 + density.
     """
-    h, frame = np.zeros(source.w.size), source.frame
+    h, frame = zeros(source.w.size, np.float64), source.frame
     for n in range(share * lengths[UNCOVERED] // shares, (share + 1) * lengths[UNCOVERED] // shares):
         v = grain_velocity(own[0, n], own_by[0, n], table, lengths[GRAINS], window)
         add_equilibrium(h, source.e, source.w, 1.0, density, v[0] + frame[0], v[1] + frame[1], v[2] + frame[2])

@@ -41,6 +41,7 @@ _HEAD = '''"""{title}; written by lbmdem.kernels.sparse."""
 import numpy as np
 from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.masks import expand_at, load_where, mask_of_bits, store_where
+from hpcpic.core.simd.scratch import empty
 from hpcpic.core.simd.vector import (
     Vec, address_of, count_bits, fma, lanes, load_at, prefetch_to_write, select, splat, store_at)
 from lbmdem.physics.wall_rules import begun, finished
@@ -81,7 +82,7 @@ def sweep(f, stride, first, blocks, kinds, masks, shifts, rest, where, code, rul
     """
     start, slot = address_of(f, 0), SIZE * stride
     weights = address_of(kappa, 0)
-    spill = np.empty({room} * N + N, np.{dtype})
+    spill = empty({room} * N + N, np.{dtype})
     room = address_of(spill, 0)
     room += -room & (BYTES - 1)
 '''

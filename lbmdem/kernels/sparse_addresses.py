@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.simd.compile import njit
+from hpcpic.core.simd.scratch import zeros
 from lbmdem.kernels.layout import arrival, element
 from lbmdem.kernels.sparse import BROKEN, FIRST, SHUT, WHOLE
 from lbmdem.sizes import SPARSE_BLOCK as BLOCK
@@ -31,7 +32,7 @@ def tables(positions, row_ghosts, ways, n, stride, first, blocks, found):
     kinds, masks, shifts, rest, where, code = found
     masks[:, :, SHUT] = (1 << n) - 1  # also in lanes without a node, whose values stay where they are
     q, total = ways.shape[0], 0
-    n_others, others, others_at = np.zeros(q, np.int64), np.zeros((q, n), np.int64), np.zeros((q, n), np.int64)
+    n_others, others, others_at = zeros(q, np.int64), zeros((q, n), np.int64), zeros((q, n), np.int64)
     for z in range(first.size - 1):
         v = first[z]
         rest[blocks[z]] = total

@@ -8,6 +8,7 @@ are in SI units, columns in those of the pair sums (see `passes`). All slots are
 import numpy as np
 
 from hpcpic.core.simd.compile import formula, njit
+from hpcpic.core.simd.scratch import empty
 from hpcpic.core.simd.vector import (
     Vec,
     address_of,
@@ -132,7 +133,7 @@ def raised(rho, light, n):
         for _ in range(np.int64(abs(n))):
             found = found * (rho if n > 0.0 else light)
         return found
-    line = np.empty(N)
+    line = empty(N, np.float64)
     store(line, 0, rho)
     for k in range(N):
         line[k] = line[k] ** n

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from hpcpic.core.physics import contact_law
 from hpcpic.core.physics.contact_law import SHEAR_RATIO, ContactLaw, dot, normal_force, slip_velocity, spring_friction
 from hpcpic.core.simd.compile import formulas, njit
+from hpcpic.core.simd.scratch import empty
 from sph.physics import lines
 
 formulas(contact_law, lines)
@@ -280,7 +281,7 @@ def start(solids, n, loads, h):
 def finish(solids, n, loads, before, h):
     """Second half: add half the change of the loads since `before` to the velocities."""
     half, v, w = 0.5 * h, solids.velocity[n], solids.spin[n]
-    torque = np.empty(3)
+    torque = empty(3, np.float64)
     for k in range(3):
         v[k] += half * solids.inverse_mass[n, k] * (loads.force[n, k] - before.force[n, k])
         torque[k] = half * (loads.torque[n, k] - before.torque[n, k])

@@ -110,6 +110,14 @@ def turned_tensor(left, right, tensor, b, values):
 
 
 @inlined
+def trace(matrix):
+    entries = 0.0
+    for k in range(DIM):
+        entries += matrix[k, k]
+    return entries
+
+
+@inlined
 def way_off(turn, at, b, a, x):
     """z n[a]: from a wall to the body in slot b, whose image is at `at`."""
     off = 0.0
@@ -161,7 +169,7 @@ def show(rows, codes, shift, images, shown, near, values):
         if shown.shear.shape[1] > 0:
             turned_tensor(turn, spin, shown.shear, b, values[g, column:])
             mirrors, sticks = DIM - 2.0, -1.0 * DIM  # traces of one reflection, and of velocities that turn round
-            if np.trace(turn) == mirrors and np.trace(spin) == sticks:
+            if trace(turn) == mirrors and trace(spin) == sticks:
                 wall_slopes(turn, values[g], values[g, DIM:], near, b, shown, values[g, column:])
             column += DIM * DIM
         if shown.matrix.shape[1] > 0:

@@ -9,6 +9,7 @@ do, only their density evolves here. flags see sph.kernels.marks.
 import numpy as np
 
 from hpcpic.core.simd.compile import njit
+from hpcpic.core.simd.scratch import zeros
 from hpcpic.core.simd.vector import (
     Vec,
     bitmask,
@@ -135,7 +136,7 @@ def to_centre(b, key, period, moves, x, r):
 @njit
 def move_bodies(chunk, chunks, flags, key, period, moves, x):
     """Move the particles of rigid bodies by the way of the centre and the rotation about it."""
-    r = np.zeros(DIM)
+    r = zeros(DIM, np.float64)
     for first in range(chunks[chunk], chunks[chunk + 1], N):
         solids = bitmask(load(I, flags, first) & MINE == OWN)
         while solids != 0:
@@ -152,7 +153,7 @@ def move_bodies(chunk, chunks, flags, key, period, moves, x):
 @njit
 def spin_bodies(chunk, chunks, flags, key, period, moves, x, v):
     """Give the particles of rigid bodies the velocity v + w x r that they have where they are."""
-    r = np.zeros(DIM)
+    r = zeros(DIM, np.float64)
     for first in range(chunks[chunk], chunks[chunk + 1], N):
         solids = bitmask(load(I, flags, first) & MINE == OWN)
         while solids != 0:
@@ -189,7 +190,7 @@ def arrive(chunk, chunks, flags, v, v_old):
 def swap(chunk, chunks, flags, mirrors, x, v):
     """A particle that is behind a mirror changes places with its image, which changes nothing else."""
     normals, bounds = mirrors.normals, mirrors.bounds
-    at, speed = np.zeros(DIM), np.zeros(DIM)
+    at, speed = zeros(DIM, np.float64), zeros(DIM, np.float64)
     for b in range(chunks[chunk], chunks[chunk + 1]):
         if flags[b] & FLUID == 0 or flags[b] & OWN == 0:
             continue

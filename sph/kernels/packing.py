@@ -3,6 +3,7 @@
 import numpy as np
 
 from hpcpic.core.simd.compile import njit
+from hpcpic.core.simd.scratch import empty, zeros
 from hpcpic.core.simd.vector import Vec, lane_numbers, lanes, load, maximum, select, splat, sqrt, total
 
 N = lanes(np.float64)
@@ -17,7 +18,7 @@ def into_cells(x, solid, low, edge, shape, start, order, placed):
     one cell, and all points lie at 0 along it.
     """
     n, d = x.shape
-    at, cell = np.zeros(3, np.int64), np.empty(n, np.int32)
+    at, cell = zeros(3, np.int64), empty(n, np.int32)
     start[:] = 0
     for i in range(n):
         for k in range(d):
@@ -41,7 +42,7 @@ def pushes(n, reach, core, shape, start, order, placed, found):
     C2 kernel; and STIFF (core - r) / reach r_ij of those of a solid that are nearer than a core.
     """
     d, edge, within = found.shape[1], reach / 2.0, 1.0 - core / reach
-    at, x, lane = np.zeros(3, np.int64), np.zeros(3), lane_numbers(I)
+    at, x, lane = zeros(3, np.int64), zeros(3, np.float64), lane_numbers(I)
     for slot in range(order.size):
         i = order[slot]
         if i >= n:

@@ -45,6 +45,7 @@ WALL_MASKS = {  # the same, in cases with walls that follow the fluid
 HEAD = """
 import numpy as np
 from hpcpic.core.simd.compile import njit
+from hpcpic.core.simd.scratch import zeros
 from hpcpic.core.simd.vector import (
     Vec, address_of, bitmask, convert, fma, lane_numbers, load, prefetch, prefetch_to_write, select, splat, store, total
 )
@@ -63,7 +64,7 @@ FAR2 = REAL((2.0 * smoothing.support) ** 2)  # in h^2: where F is 0
 """
 
 BEYOND = (  # r^2 of lanes behind the end of a run: from `LANES_ - those before it` on
-    "beyonds = np.zeros(2 * LANES_, REAL)",
+    "beyonds = zeros(2 * LANES_, REAL)",
     "beyonds[LANES_:] = FAR2 / (per_h * per_h)",
 )
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from hpcpic.core.simd.compile import njit
+from hpcpic.core.simd.scratch import empty
 from hpcpic.core.simd.vector import Vec, lanes, load, splat, store
 
 N = lanes(np.float64)
@@ -17,7 +18,7 @@ def power(e, n, coefficients):
         found = e * (found + coefficients[k])
     if coefficients.size > 0:
         return found
-    line = np.empty(N)
+    line = empty(N, np.float64)
     store(line, 0, e)
     for k in range(N):
         stretch = np.log1p(line[k])

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpcpic.core.simd.compile import njit
+from hpcpic.core.simd.scratch import zeros
 from hpcpic.core.simd.vector import (
     Vec,
     bitmask,
@@ -59,9 +60,9 @@ def find(block, blocks, base, shape, edge, x, flags, table, run_first, run_lengt
     """
     rows, row_table, fine_start = table.rows, table.row_table, table.fine_start
     longest = N + longest_row(block, blocks, rows, row_table, fine_start)  # vectors overrun
-    height, left = np.zeros(longest), np.zeros((6, longest))
-    cells, met = np.zeros((3, longest), np.int32), np.zeros(longest, np.int32)
-    places = np.zeros((2, DIM, 2 * M + largest_layer(block, blocks, base)), np.float32)  # of even and odd layers
+    height, left = zeros(longest, np.float64), zeros((6, longest), np.float64)
+    cells, met = zeros((3, longest), np.int32), zeros(longest, np.int32)
+    places = zeros((2, DIM, 2 * M + largest_layer(block, blocks, base)), np.float32)  # of even and odd layers
     low, high, most = blocks[block], blocks[block + 1], np.int64(0)
     far = to_cell_units(low, base, edge, x, flags, places[low & 1]) if low < high else 0.0
     for l in range(low, high):

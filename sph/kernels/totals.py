@@ -3,6 +3,7 @@
 import numpy as np
 
 from hpcpic.core.simd.compile import formula, njit
+from hpcpic.core.simd.scratch import empty, zeros
 from hpcpic.core.simd.vector import (
     Vec,
     address_of,
@@ -80,7 +81,7 @@ def fill(b, last, flags, constants, powers, liquids, x, v, m, drho, terms):
 @njit
 def extremes(chunk, chunks, flags, x, v, m, drho, part_maxima):
     """part_maxima[chunk] = largest mass, |v|^2, |drho|, x and -x of the fluid; not a number where one is not."""
-    best = np.empty((3 + 2 * DIM, N))
+    best = empty((3 + 2 * DIM, N), np.float64)
     for k in range(3 + 2 * DIM):
         store(best[k], 0, splat(F, -np.inf))
     finite = splat(F, 0.0)
@@ -110,7 +111,7 @@ def extremes(chunk, chunks, flags, x, v, m, drho, part_maxima):
 @njit
 def add(chunk, chunks, flags, constants, powers, liquids, x, v, m, drho, inverse, limbs):
     """limbs[chunk, k, 3] = exact limbs of the sum of terms k, |term inverse[k]| <= 1."""
-    terms, parts = np.zeros((TERMS, N)), np.zeros((3 * TERMS, N), np.int64)
+    terms, parts = zeros((TERMS, N), np.float64), zeros((3 * TERMS, N), np.int64)
     last = chunks[chunk + 1]
     for b in range(chunks[chunk], last, N):
         fill(b, last, flags, constants, powers, liquids, x, v, m, drho, terms)

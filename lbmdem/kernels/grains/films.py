@@ -3,6 +3,7 @@
 import numpy as np
 
 from hpcpic.core.simd.compile import njit
+from hpcpic.core.simd.scratch import empty
 from hpcpic.core.simd.vector import Vec, fma, maximum, minimum, splat, sqrt
 from lbmdem.physics.lubrication import (
     PUMPED,
@@ -64,7 +65,7 @@ def fastest(contacts, n_slots, n_grain_slots, rows, walls, box, film, time):
     """The greatest resistance x mobility (1/s) of all films, at the least gaps that they come to within `time` if
     nothing slows the grains down. Rows of padding are NaN, which no comparison lets through.
     """
-    most, d = 0.0, np.empty(3)
+    most, d = 0.0, empty(3, np.float64)
     for slot in range(n_slots):
         a, other = rows[contacts.low[slot]], contacts.high[slot]
         pair = slot < n_grain_slots

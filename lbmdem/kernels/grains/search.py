@@ -3,6 +3,7 @@
 import numpy as np
 
 from hpcpic.core.simd.compile import njit
+from hpcpic.core.simd.scratch import empty, zeros
 from hpcpic.core.simd.vector import Vec, address_of, bitmask, first_bit, load, load_at, rint
 from lbmdem.sizes import LANES
 
@@ -124,11 +125,11 @@ def neighbours(rows, ids, n_own, margin, near, box, cells, firsts, others):
     """
     count, pairs, close = np.int64(0), np.int64(0), np.int64(0)
     shape, place, _, grain, line, ball = cells
-    low, high = np.empty(3, np.int64), np.empty(3, np.int64)
+    low, high = empty(3, np.int64), empty(3, np.int64)
     for c in range(3):
         low[c] = -1 if shape[c] == 0 or shape[c] > 2 else 0
         high[c] = 1 if shape[c] == 0 or shape[c] > 1 else 0
-    spans, m = np.empty((27, 3), np.int64), 0  # where the grains around a cell begin and end, and their line
+    spans, m = empty((27, 3), np.int64), 0  # where the grains around a cell begin and end, and their line
     for k in range(n_own):
         firsts[k] = count
         if k == 0 or not same_cell(place, k):
@@ -247,7 +248,7 @@ def recall_springs(low, high, n_grain_slots, named, first_wall, keys, values, sp
     buckets = 1
     while buckets < m:
         buckets *= 2
-    begins, sorted_keys = np.zeros(buckets + 1, np.int64), np.empty(m, np.int64)
+    begins, sorted_keys = zeros(buckets + 1, np.int64), empty(m, np.int64)
     for k in range(m):
         begins[keys[k, 0] & (buckets - 1)] += 1
     ends(begins)
