@@ -38,12 +38,12 @@ def _array(shape: types.Type, dtype: types.Type) -> types.Array:
 
 
 def _allocated(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    kind, shape = sig.return_type, sig.args[0]
-    lengths = cgutils.unpack_tuple(builder, args[0]) if isinstance(shape, types.BaseTuple) else [args[0]]
-    dims = [
-        context.cast(builder, length, given, types.intp)
-        for length, given in zip(lengths, shape if isinstance(shape, types.BaseTuple) else [shape])
-    ]
+    kind, given = sig.return_type, sig.args[0]
+    if isinstance(given, types.Integer):
+        dims = [context.cast(builder, args[0], given, types.intp)]
+    else:
+        lengths = cgutils.unpack_tuple(builder, args[0])
+        dims = [context.cast(builder, length, one, types.intp) for length, one in zip(lengths, given.types)]
     item = context.get_constant(types.intp, get_itemsize(context, kind))
     strides = [item]
     for dim in reversed(dims):

@@ -3,6 +3,7 @@
 import numpy as np
 
 from hpcpic.core.simd.compile import formula, njit
+from hpcpic.core.simd.scratch import empty
 
 FACE, CORNER, EDGE = 0, 1, 4  # what a point is on: the face, CORNER + k, EDGE + k from corner k to the next
 DEEPEST = 64  # nodes that wait: one for each level of the tree
@@ -93,7 +94,7 @@ def distances(x, triangles, normals, low, high, reach, apart, ways):
     low[2 n, 3], high[2 n, 3]: boxes of the nodes 1 .. 2 n - 1 of a tree; those of node k hold those of 2 k and 2 k + 1,
     and node n + i has triangle i.
     """
-    waiting = np.empty(DEEPEST, np.int64)
+    waiting = empty(DEEPEST, np.int64)
     known, last = 0.0, (0.0, 0.0, 0.0)
     for i in range(len(x)):
         p = (x[i, 0], x[i, 1], x[i, 2])

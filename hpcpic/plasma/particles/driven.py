@@ -8,6 +8,7 @@ from types import ModuleType
 import numpy as np
 
 from hpcpic.core.simd.compile import njit
+from hpcpic.core.simd.scratch import zeros
 from hpcpic.plasma.kernels.storage import GOOD, PAGE
 from hpcpic.plasma.particles.own_acceleration import own_acceleration, size, turned
 
@@ -33,7 +34,7 @@ def driven_kernel(
         t, dt, steps = moment[0], moment[1], moment[2]
         to_turn, mean, share, kick = own[species, 0], own[species, 1], own[species, 2], half_kick[species]
         pool, lanes = pages.pool, pages.pool.shape[3]
-        x, u, v = np.zeros(3), np.zeros(3), np.zeros(3)
+        x, u, v = zeros(3, np.float64), zeros(3, np.float64), zeros(3, np.float64)
         for part in range(first, last):
             where = anchor_in(part, grid, field.origin)
             slot = part * grid.n_species + species
