@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from hpcpic.core import memory
 from hpcpic.core.simd.compile import njit
 from hpcpic.core.simd.scratch import empty, zeros
 
@@ -46,3 +47,10 @@ def test_zeros_are_zero_where_memory_was_used_before(n):
         numbers, marks, total = filled(n)
         assert total == n and numbers.shape == (n,) and marks.shape == (2, n) and marks.dtype == np.bool_
         assert not numbers.any() and not marks.any()
+
+
+def test_an_array_that_nobody_holds_is_given_back():
+    n, before = 2**17, memory.held()
+    for _ in range(200):
+        filled(n)
+    assert memory.held() - before < 50 * 8 * n  # of 400 arrays
