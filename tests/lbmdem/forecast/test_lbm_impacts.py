@@ -164,3 +164,13 @@ def test_a_disc_off_the_middle_of_its_channel_falls_faster(h, e, measured):
         told(RELEASED, alone, *sets, f"grains[0].position=[{0.003 + x}, 0.0065]").value for x in (0.0, -aside, aside)
     )
     assert left == pytest.approx(right) and left / middle == pytest.approx(measured, rel=0.15)
+
+
+@pytest.mark.parametrize(("share", "measured"), [(0.3, 0.470), (0.5, 0.222), (0.7, 0.0786), (0.85, 0.0254)])
+def test_a_sphere_in_a_duct_falls_as_walls_let_it(share, measured):
+    """Its speed over Stokes's, of runs of the creeping flow; between two walls alone it is faster, and slowed too."""
+    sets = "domain.size=[0.006, 0.006, 0.01]", "grains[0].position=[0.003, 0.003, 0.0065]", "gravity=[0.0, 0.0, -1e-6]"
+    alone, size = "speed of grains_1, alone", f"grains[0].diameter={0.006 * share}"
+    stokes = 1e-7 * (0.006 * share) ** 2 / (18.0 * 1e-4)
+    duct, slot = (told(RELEASED, alone, *sets, size, f"domain.periodic=[{axis}]").value for axis in ("", '"x"'))
+    assert duct / stokes == pytest.approx(measured, rel=0.07) and duct < 0.8 * slot < 0.8 * stokes
