@@ -26,7 +26,7 @@ def ways(recommendation: Recommendation, tolerance: float) -> list[str]:
         found.append(f"--tolerance {percent(enough).replace(' ', '')} is certified by the case itself, at no cost")
     if search.quieter:
         found.append(f"a start with less noise: {' '.join(f'--set {setting}' for setting in search.quieter)}")
-    for more in (unaffordable, finer_pilots, ensemble):
+    for more in (finer_pilots, unaffordable, ensemble):
         found += more(recommendation, tolerance)
     return found
 
