@@ -10,7 +10,7 @@ from hpcpic.core.case.derived import Derived, Verdict
 from hpcpic.plasma.case.config import MOST_POINTS, Equation, PlasmaConfig
 from hpcpic.plasma.case.units import known_by_ratio
 from hpcpic.plasma.forecast.cold_drift import cold_drift
-from hpcpic.plasma.forecast.cold_wave import cold_wave, noise_of_cold
+from hpcpic.plasma.forecast.cold_wave import cold_wave, noise_of_start
 from hpcpic.plasma.forecast.collisions import collisions
 from hpcpic.plasma.forecast.densest import at_densest, dense_frequency, densest, mean_debyes
 from hpcpic.plasma.forecast.estimate import SERIES_SHARE, affordable_period, count_seconds, phases
@@ -50,7 +50,7 @@ from hpcpic.plasma.forecast.turning import (
     turn_across_grid,
     turning,
 )
-from hpcpic.plasma.physics.heating import HEATING, MIN_PER_CELL, energy_ratio, rate_of_step, rates_across, rates_of
+from hpcpic.plasma.physics.heating import MIN_PER_CELL, energy_ratio, rate_of_step, rates_across, rates_of
 from hpcpic.plasma.physics.poisson import operator_of, response
 from hpcpic.plasma.physics.shapes import SHAPES
 from hpcpic.plasma.setup.loaders import loader_of
@@ -80,7 +80,7 @@ def derived(config: PlasmaConfig, ranks: int = 1) -> list[Derived]:
         *resolution(config),
         *cold_drift(config),
         *cold_wave(config),
-        *noise_of_cold(config),
+        *noise_of_start(config),
         *noise(config),
         *collisions(config),
         *cell_edges(config),
@@ -211,9 +211,7 @@ def resolution(config: PlasmaConfig) -> Iterator[Derived]:
     ratio = min(ratios)
     if ratio == math.inf:
         return
-    plain = config.field.equation == Equation() and not config.numerics.cloud_radius
-    measured = (config.numerics.shape, field_axes(config)) in HEATING
-    known = plain and measured and not (spectral(config) and turn_across_grid(config))
+    known = config.field.equation == Equation() and not config.numerics.cloud_radius
     yield shielding(config, ratios, known)
     longest = max(1 / math.sqrt(k) / length for k, length in zip(inverse_sq, config.simulation.space_length) if k > 0)
     cure, key = f"no shielding in this box: the particles fly freely; {UNITS}", ("simulation", "space_length")
@@ -265,7 +263,7 @@ def heated(config: PlasmaConfig, shape: str, more: float = 1.0, finer: float = 1
     start = start_noise(config) / more if axes == 1 else 0.0
     if per_cell < MIN_PER_CELL or not start < MAX_START_NOISE:
         return math.nan
-    across = rates_across(shape, axes, turn_across_grid(config), time)
+    across = rates_across(shape, axes, turn_across_grid(config), time, spectral(config))
     points = rates_of(shape, axes, spectral(config))
 
     def growth(debye: float) -> float:

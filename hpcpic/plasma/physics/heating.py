@@ -16,6 +16,7 @@ from hpcpic.plasma.physics.shapes import SHAPES
 
 MIN_PER_CELL = 1.0  # particles: with 1, 2 and 4 of them runs gain 0.5 to 1.3 of what is told, from lambda_D = dx/2 on
 LOG_STEP = 0.01  # in ln(lambda_D/dx)
+LN_STEP = 1.0  # of the integral over all waves, which it gives within 4e-3
 MAX_DEBYE = 1e3  # Debye lengths per spacing: nothing heats any more
 
 
@@ -96,6 +97,7 @@ ACROSS = {
         8.0: (0.00075, 0.00047, 0.00034, 0.00027, 0.00018, 6.4e-05),
     },
 }  # fmt: skip
+ACROSS_SPECTRAL = {"NGP": 1.0, "CIC": 0.3, "TSC": 0.03}  # of that with spectral gradients, wc = 0.5 to 8 wp
 ONSET = 60.0  # wp t: the energy grows as the square of time at first
 SHARE_3D = 0.5  # of the rates of 2D, as runs on 16 x 16 x 16 points until wp t = 1600 have them
 LEAST_CROSSED = 0.1  # spacings in a step at the thermal velocity, below which exp(-s^2/4) is nothing for any wave
@@ -139,6 +141,22 @@ def rate_of_step(shape: str, axes: int, debye: float, step: float, spectral: boo
     return math.pi / (axes * debye**3) * mean
 
 
+def field_of_random_places(shape: str, points: Sequence[int], spacing: Sequence[float], debye: float) -> float:
+    """The sum over the waves of a grid, m^2, that is N q^2/(2 eps0 V) times the field energy which N random places have
+    more than a plasma of this Debye length, m, keeps: in it a wave has (k lambda_D)^2/(1 + (k lambda_D)^2) of theirs.
+
+    The sum of M/(K^2 (1 + (K lambda_D)^2)) is the integral over s of 1 - exp(-s/lambda_D^2) times that of
+    M exp(-K^2 s), a product of sums along the axes.
+    """
+    cell, angles = min(spacing), [2 * np.pi * np.fft.fftfreq(n) for n in points]
+    smooth = [SHAPES[shape].of_random_places(angle) for angle in angles]
+    squares = [(2 * cell / dx * np.sin(0.5 * angle)) ** 2 for angle, dx in zip(angles, spacing)]
+    s = np.exp(np.arange(math.log(1e-4), math.log(20 / min(square[1] for square in squares)), LN_STEP))
+    all_waves = np.array([math.prod(m @ np.exp(-square * one) for m, square in zip(smooth, squares)) for one in s])
+    left = -np.expm1(-s * (cell / debye) ** 2) if debye else 1.0
+    return cell * cell * LN_STEP * float(np.sum(s * left * (all_waves - 1.0)))
+
+
 def power(x: float, debye: Sequence[float], values: Sequence[float]) -> float:
     """A value at ln(lambda_D/dx) = x: powers between the points of rising lambda_D/dx and on, below them the first."""
     last = len(debye) - 1
@@ -160,7 +178,7 @@ def rate(
     return plain + (power(x, ACROSS_DEBYE, across) if across else 0.0)
 
 
-def rates_across(shape: str, axes: int, turn: float, time: float) -> list[float]:
+def rates_across(shape: str, axes: int, turn: float, time: float, spectral: bool = False) -> list[float]:
     """What a magnetic field across the grid adds to the rate on 2 or 3 axes in a run of wp t = time, at each of
     ACROSS_DEBYE: none below the smallest turn = wc/wp that was measured, beyond the largest what that has. Within a
     factor of two in 2D, four in 3D.
@@ -168,7 +186,7 @@ def rates_across(shape: str, axes: int, turn: float, time: float) -> list[float]
     turns = list(ACROSS[shape])
     if turn < turns[0]:
         return []
-    share = (SHARE_3D if axes == 3 else 1.0) * time / (time + ONSET)
+    share = (SHARE_3D if axes == 3 else 1.0) * time / (time + ONSET) * (ACROSS_SPECTRAL[shape] if spectral else 1.0)
     return [share * power(math.log(min(turn, turns[-1])), turns, column) for column in zip(*ACROSS[shape].values())]
 
 

@@ -8,9 +8,14 @@ The weights themselves stand in kernels.weights, for single particles, and in th
 import math
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 # Cells (CIC) or nodes (NGP, TSC) of a tile with what vectors read beyond them, by axes of the grid
 LINEAR_CELLS = {1: 256 + 8, 2: 256 + 8, 3: 512 + 8}
 NODAL_CELLS = {1: 17 * 24 + 8, 2: 17 * 24 + 8, 3: 9 * 9 * 16 + 8}
+# Mean over places of the sum over nodes of W(node) W(node + j), j = 0, and twice that of j = 1, 2: by nodes
+OVERLAPS = {1: (1.0,), 2: (2 / 3, 1 / 3), 3: (11 / 20, 13 / 30, 1 / 60)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +40,13 @@ class Shape:
 
     def own_share(self, axes: int) -> float:
         """Mean of the sum of W^2 over the nodes: what a node has of one particle, where each has one on average."""
-        return {1: 1.0, 2: 2 / 3, 3: 11 / 20}[self.nodes] ** axes
+        return OVERLAPS[self.nodes][0] ** axes
+
+    def of_random_places(self, angle: NDArray) -> NDArray:
+        """What the nodes have of the mean square that random places give a wave that turns by `angle` from node to
+        node: the sum over its aliases of S^2(k_p) (Birdsall & Langdon, chapter 8), in closed form.
+        """
+        return np.polynomial.chebyshev.chebval(np.cos(angle), OVERLAPS[self.nodes])
 
     def cold_response(self, angle: float) -> float:
         """What a grid of centred differences leaves of the squared frequency of a cold wave that turns by `angle` from

@@ -153,6 +153,8 @@ def test_the_field_of_random_places_of_a_cold_plasma_is_as_told(dimensions, worl
     factor = float(re.search(r"or (\S+) times the particles", number.cure)[1])
     assert numbers([*sets, f"species[0].particles={int(4096 * factor * 1.01)}"], WAVE)[0]["W/W(0)"].verdict == "ok"
     assert "W/W(0)" not in numbers([*sets, "species[0].init_method=quiet"], WAVE)[0]
+    warm = numbers([*sets, "species[0].thermal_velocity=0.1"], WAVE)[0]["W/W(0)"]  # told of cold ones alone, before
+    assert 0.0 < warm.value < number.value
 
 
 PLANE = """

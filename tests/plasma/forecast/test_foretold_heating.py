@@ -10,7 +10,7 @@ from forecast_numbers import numbers
 from hpcpic.core.case.config import loads
 from hpcpic.plasma.configure import configure
 from hpcpic.plasma.forecast.derived import derived
-from hpcpic.plasma.physics.heating import HEATING, energy_ratio, rate, rate_of_step, rates_across
+from hpcpic.plasma.physics.heating import HEATING, energy_ratio, rate, rate_of_step, rates_across, rates_of
 
 # Shape, dimensions, lambda_D/dx, particles per cell, wp t, W(t)/W(0) as runs gave it: those until 875 on 64 x 64 and
 # 16 x 16 x 16 points, as by scripts/heating.py (in 2D, 0.1 with 64 per cell and TSC at 1.0: 32 x 32).
@@ -193,14 +193,22 @@ HEATED_ACROSS = [
     (3, "CIC", 2.0, 0.5, 32, 200, 0.322), (3, "CIC", 0.5, 0.2, 16, 400, 1.02), (3, "CIC", 1.0, 1.0, 16, 1600, 0.0475),
     (3, "CIC", 4.0, 1.0, 16, 800, 0.388), (3, "CIC", 2.0, 1.0, 16, 1600, 0.157),
 ]  # fmt: skip
+HEATED_ACROSS_SPECTRAL = [
+    (2, "NGP", 4.0, 0.5, 32, 200, 6.52), (2, "CIC", 1.0, 0.5, 32, 600, 0.155), (2, "CIC", 4.0, 0.5, 32, 600, 1.12),
+    (2, "TSC", 2.0, 0.5, 32, 600, 0.0329), (3, "CIC", 1.0, 0.3, 16, 200, 0.177), (3, "TSC", 2.0, 0.5, 16, 200, 0.0054),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize("dimensions, shape, turn, debye, per_cell, time, measured", HEATED_ACROSS)
+@pytest.mark.parametrize(
+    "dimensions, shape, turn, debye, per_cell, time, measured, spectral",
+    [*((*run, False) for run in HEATED_ACROSS), *((*run, True) for run in HEATED_ACROSS_SPECTRAL)],
+)
 def test_heating_across_a_magnetic_field_is_foretold_within_a_factor_of_two(
-    dimensions, shape, turn, debye, per_cell, time, measured
+    dimensions, shape, turn, debye, per_cell, time, measured, spectral
 ):
-    across = rates_across(shape, dimensions, turn, time)
-    assert 0.5 < (energy_ratio(HEATING[shape, dimensions], debye, per_cell, time, across) - 1) / measured < 2
+    across = rates_across(shape, dimensions, turn, time, spectral)
+    rates = rates_of(shape, dimensions, spectral)
+    assert 0.5 < (energy_ratio(rates, debye, per_cell, time, across) - 1) / measured < 2
 
 
 BOX = """
