@@ -181,7 +181,7 @@ def mass(run: Run) -> Figure:
         top.plot(*thinned(t, m / m[0] - 1.0), color=COLOURS[2])
         top.set(ylabel=f"change of {words}", title=f"{words.capitalize()} and Mach number")
         low.plot(*thinned(t, mach), color=COLOURS[1])
-        low.set(xlabel="time, s", ylabel="largest Mach number", ylim=(0, None))
+        low.set(xlabel="time, s", ylabel="largest Mach number", ylim=(0, 1.05 * float(mach.max()) or None))
         return figure
 
 

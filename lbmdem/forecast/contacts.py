@@ -71,21 +71,17 @@ def substeps(config: LbmDemConfig) -> Derived:
     """The number of substeps of the contacts in a step of the fluid, what they take, and how to have fewer."""
     number = config.substeps
     verdict: Verdict = "ok" if number <= MAX_SUBSTEPS else "fail"
-    note, key = "", ("contact", "normal_stiffness")
+    note, key, step = "", ("contact", "normal_stiffness"), phases(config, 1, 1, DEFAULT, 1)
+    spent, share = step["grains"], step["grains"] / sum(step.values())
     if number > DEAR_SUBSTEPS:
-        step = phases(config, 1, 1, DEFAULT, 1)
         softer = config.contact.normal_stiffness * (DEAR_SUBSTEPS / number) ** 2
         note = f"contact.normal_stiffness = {softer:.2g} takes {DEAR_SUBSTEPS}, and overlaps grow as its inverse"
         rest = max(overlap_at_rest(config, i)[0] for i in range(len(config.grains)))
         note += f", at rest to {rest * config.contact.normal_stiffness / softer:.2g}" if rest else ""
-        spent = step["grains"]
-        note += f"; now they take about {spent:.2g} s of a step, {spent / sum(step.values()):.0%} of it"
-    elif (wanted := expected_substeps(config)) > number:
-        step = phases(config, 1, 1, DEFAULT, 1)
-        share = step["grains"] / sum(step.values())
-        if share > 0.5:
-            note = f"films of grains that touch take up to {wanted}, {share:.0%} of a step; with coupling.substeps = "
-            note += f"{max(number, FEW_SUBSTEPS)} a sheared suspension of discs had the same stress to 0.4 %"
+        note += f"; now they take about {spent:.2g} s of a step, {share:.0%} of it"
+    elif (wanted := expected_substeps(config)) > number and share > 0.5:
+        note = f"films of grains that touch take up to {wanted}, {share:.0%} of a step; with coupling.substeps = "
+        note += f"{max(number, FEW_SUBSTEPS)} a sheared suspension of discs had the same stress to 0.4 %"
     limit, cure = f"<= {MAX_SUBSTEPS:g}", note if verdict == "fail" else ""
     return Derived("substeps of the contacts", "n_d", float(number), "", limit, verdict, note, cure, key, True)
 

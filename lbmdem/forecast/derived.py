@@ -7,16 +7,16 @@ from typing import Literal
 import numpy as np
 
 from hpcpic.core.case.config import Path
-from hpcpic.core.case.derived import Derived, judged, rounded_down
+from hpcpic.core.case.derived import Derived, judged
 from hpcpic.core.files.start import arrays
-from lbmdem.case.config import AXES, Diameters, GrainSet, LbmDemConfig, whole_spacing
+from lbmdem.case.config import AXES, Diameters, GrainSet, LbmDemConfig
 from lbmdem.forecast.contacts import contacts, overlap_at_start
 from lbmdem.forecast.driven import between_faces, carried, driven, slip, steady, wakes, weight
 from lbmdem.forecast.free_fall import falling, landing, released, screen, unheld
 from lbmdem.forecast.node_shares import LOOSE
 from lbmdem.forecast.plan import grain_count
 from lbmdem.forecast.pressures import inflow, parabolas, pressures
-from lbmdem.forecast.relaxation import SPACING, grid_reynolds, key_of_tau, relaxation, slower
+from lbmdem.forecast.relaxation import SPACING, finer, grid_reynolds, key_of_tau, relaxation, slower
 from lbmdem.forecast.shaken import layers
 from lbmdem.forecast.throats import closed, pores, throats
 from lbmdem.physics.velocity_sets import CS2, LATTICES
@@ -137,18 +137,15 @@ def grains(config: LbmDemConfig) -> Iterator[Derived]:
     yield from packings(config)
     yield from screen(config)
     yield from silo(config)
-    for i, group in enumerate(config.grains):
-        smallest = group.smallest_diameter
-        if config.fluid is None:
-            continue
-        nodes, enough = smallest / dx, ENOUGH_NODES[d]
+    for i, group in enumerate(config.grains if config.fluid else ()):
+        smallest, enough = group.smallest_diameter, ENOUGH_NODES[d]
+        nodes = smallest / dx
         key: Path = ("grains", i, "diameters" if group.diameters is not None else "diameter")
         least = 2.5 if group.moving else 2.0
-        fine = whole_spacing(config.domain.size, smallest / enough) or rounded_down(smallest / enough)
         yield judged(
             "nodes across a grain", "D/dx", nodes, ok=nodes >= enough * (1 - 1e-9), legal=nodes >= least,
             limit=f">= {enough:g}, {least:g} at least", source="Mansouri et al., section 4",
-            cure=f"domain.spacing = {fine:.9g} resolves the grains of {group.name}",
+            cure=f"{finer(config, smallest / enough)} resolves the grains of {group.name}",
             key=key, forceable=nodes >= 1,
         )  # fmt: skip
         if group.moving:
@@ -176,7 +173,7 @@ def obstacles(config: LbmDemConfig) -> Iterator[Derived]:
                 for a, b, n, length, images in zip(box.low, box.high, config.points, config.domain.size, turns)
             )
         if not count:
-            name = f"nodes in {obstacle.name or f'obstacle_{i + 1}'}"
+            name = f"nodes in {obstacle.name}"
             cure = "it is not there for the fluid: outside the box, or between the nodes"
             yield Derived(name, "n", 0.0, "", ">= 1", "warn", "", cure, ("obstacle", i, "shape"))
 
@@ -191,17 +188,15 @@ def sliding(config: LbmDemConfig) -> Iterator[Derived]:
             name, key = f"velocity of {group.name}, which stays", ("grains", i, "velocity")
             yield Derived(name, "v", speed, "m/s", "0", "warn", "", cure + ways, key)
     for i, obstacle in enumerate(config.obstacle if config.fluid else ()):
-        low, high = (obstacle.shape.box.low, obstacle.shape.box.high) if obstacle.shape.box else ((), ())
-        ends = zip(AXES, obstacle.velocity, low, high, config.domain.size)
-        # the fluid meets a face with a node beyond it
-        met = [
-            abs(u) for axis, u, a, b, length in ends
+        box = obstacle.shape.box
+        met = [  # the fluid meets a face with a node beyond it
+            abs(u) for axis, u, a, b, length in zip(AXES, obstacle.velocity, box.low, box.high, config.domain.size)
             if (b - a < length - dx if axis in config.domain.periodic else a > 0.5 * dx or b < length - 0.5 * dx)
-        ]  # fmt: skip
+        ] if box else []  # fmt: skip
         if any(met):
             ways = "fluid passes through faces across it; along a belt from side to side of the domain none does"
-            name = f"velocity through {obstacle.name or f'obstacle_{i + 1}'}"
-            yield Derived(name, "v", max(met), "m/s", "0", "warn", "", cure + ways, ("obstacle", i, "velocity"))
+            name, key = f"velocity through {obstacle.name}", ("obstacle", i, "velocity")
+            yield Derived(name, "v", max(met), "m/s", "0", "warn", "", cure + ways, key)
 
 
 def gauges(config: LbmDemConfig) -> Iterator[Derived]:

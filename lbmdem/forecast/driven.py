@@ -9,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from hpcpic.core.case.config import Path
-from hpcpic.core.case.derived import Derived, judged, rounded_down
+from hpcpic.core.case.derived import Derived, judged
 from lbmdem.case.boundaries import ends_between_planes
-from lbmdem.case.config import AXES, LbmDemConfig, whole_spacing
+from lbmdem.case.config import AXES, LbmDemConfig
 from lbmdem.forecast.free_fall import PEAK, speed_through, stays, terminal_speed
 from lbmdem.forecast.piles import lies
 from lbmdem.forecast.pressures import between
-from lbmdem.forecast.relaxation import SPACING, other_collision, slower, walled
+from lbmdem.forecast.relaxation import SPACING, finer, other_collision, slower
 from lbmdem.physics.collision import COLLISIONS
 from lbmdem.physics.velocity_sets import CS2
 
@@ -40,11 +40,10 @@ def driven(config: LbmDemConfig) -> Iterator[Derived]:
     size, nu = config.domain.size, config.liquid.kinematic_viscosity
     stay = any(stays(config, group) for group in config.grains)
     held = stay or bool(config.obstacle)
-    unwalled = config.unwalled
     speeds, largest, by = dict.fromkeys(AXES, 0.0), 0.0, PUSHED
     for along, push, a, free in pushes(config):
-        walls = [length for axis, length in zip(AXES, size) if axis not in unwalled and axis != along]
-        if along in unwalled and (walls or held or not config.grains or push is SHAKEN):
+        walls = [length for axis, length in zip(AXES, size) if axis not in config.unwalled and axis != along]
+        if along in config.unwalled and (walls or held or not config.grains or push is SHAKEN):
             limits = [free, *(a * height**2 / (8.0 * nu) for height in walls)]
             if stay and (not walls or along == AXES[config.dimensions - 1]):  # it cannot pass beside them
                 limits.append(speed_through(config, a))
@@ -78,8 +77,8 @@ def slip(config: LbmDemConfig) -> Iterator[Derived]:
     where walls do not lie half-way; of another scene with solids that of a channel of 16 nodes, if it matters."""
     fluid, scheme = config.liquid, COLLISIONS[config.liquid.collision]
     product = scheme.product(config.tau, fluid.magic) if scheme.product else HALF_WAY
-    solids = walled(config) or config.grains or config.obstacle
-    if not solids or abs(product / HALF_WAY - 1.0) < 1e-6:
+    walls = 2 * (config.dimensions - len(config.domain.periodic)) - sum(face.is_open for face in config.boundary)
+    if not (walls or config.grains or config.obstacle) or abs(product / HALF_WAY - 1.0) < 1e-6:
         return
     lows, highs = ends_between_planes(config.domain.size, config.obstacle)
     through = {AXES.index(along) for along, push, _, _ in pushes(config) if push is not SHAKEN}
@@ -156,11 +155,10 @@ def between_faces(config: LbmDemConfig) -> Iterator[Derived]:
     for axis, length in zip(AXES, config.domain.size):
         if kinds.get(f"{axis}-") == kinds.get(f"{axis}+") == "pressure" and not config.grains:
             share = config.spacing / max(length - config.spacing, 1e-300)
-            finer = whole_spacing(config.domain.size, length / 21.0) or rounded_down(length / 21.0)
             yield judged(
                 f"gradient along {axis}, over dp/L", "dx/(L-dx)", share, ok=share <= 0.0501, legal=True, limit="<= 5 %",
                 source="pressure faces are the last nodes, dx/2 inside the box", key=SPACING,
-                cure=f"the pressure falls over L - dx; domain.spacing = {finer:.9g} is fine enough",
+                cure=f"the pressure falls over L - dx; {finer(config, length / 21.0)} is fine enough",
             )  # fmt: skip
 
 

@@ -77,9 +77,9 @@ def phases(
     cores = 1e9 * gain(ranks, threads, rates, rates["wave_core_gain"])
     launch = rates["lattice_launch_us" if threads == 1 else "lattice_launch_together_us"]
     launch += rates["lattice_drive_us"] if config.fluid and config.shaking else 0.0
-    calls = 1 / together if config.fluid else 1 / grain_steps_per_call(config)
+    own = any(group.acceleration for group in config.grains)  # it depends on where they are
+    calls = 1 / (together if config.fluid else 1 if own else STEPS_PER_CALL)
     seconds = {"launches": 1e-6 * launch * calls}
-    moved = config.grains_move and not config.coupling.frozen
     if config.fluid:
         seconds |= sweep_seconds(config, ranks, threads, rates, together)
         seconds["links"] = link_seconds(config, ranks, threads, rates, together)
@@ -89,7 +89,7 @@ def phases(
         seconds["grains"] = 1e-6 * (rates["grains_us"] * calls + substeps * rates["substep_us"])
         rate = 1e9 if n <= GRAINS_OF_ONE_THREAD * threads else cores
         seconds["grains"] += n * substeps * rates["grain_ns"] / rate
-        if config.fluid and moved:
+        if config.fluid and not config.coupling.frozen:
             each = grain_count(config) * rates[f"moving_grain_us {config.dimensions}D"]
             cold = 0.0 if cached(config) else rates["cold_us"]
             seconds["moving solids"] = 1e-6 * (rates["moving_us"] + cold + each)
@@ -98,11 +98,6 @@ def phases(
                 seconds["moving solids"] += put_back / (1 if config.coupling.refill == "conserving" else STEPS_OWED)
         seconds["exchanges"] = exchange_seconds(config, rates) if ranks > 1 else 0.0
     return seconds
-
-
-def grain_steps_per_call(config: LbmDemConfig) -> int:
-    """Steps of grains without a fluid in one call: 1 where an acceleration of theirs depends on where they are."""
-    return 1 if any(group.acceleration for group in config.grains) else STEPS_PER_CALL
 
 
 def link_seconds(config: LbmDemConfig, ranks: int, threads: int, rates: Mapping[str, float], together: int) -> float:

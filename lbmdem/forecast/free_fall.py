@@ -14,6 +14,7 @@ from lbmdem.forecast.node_shares import grains, volume
 from lbmdem.forecast.piles import filled, lies, lower, settled_height, sinks, standing, weight_in_fluid, whole_weight
 from lbmdem.forecast.relaxation import SPACING, key_of_tau, other_collision, slower
 from lbmdem.physics.collision import COLLISIONS
+from lbmdem.physics.lubrication import ROUGHNESS
 from lbmdem.physics.velocity_sets import CS2
 from lbmdem.setup.box_walls import below, cover, floor_height, plane_heights, sample_height
 
@@ -24,7 +25,6 @@ DRIFT = 0.25  # of the speed of a lone grain: beyond it a box that nothing holds
 PEAK = 4.0  # times the estimate of a flow past grains: wakes shelter the next grain, pores differ; measured up to 3.5
 ADDED = {2: 1.0, 3: 0.5}  # mass of a disc and of a sphere in a fluid, of what they displace
 SWING = 0.03  # of the speed of a grain, by sound
-ROUGH = 1e-3  # least gap over the radius, as films have it while grains touch
 LAYER = 1.13  # sqrt(Re) delta/D of the boundary layer where the flow divides (Schlichting & Gersten, ch. 5)
 
 
@@ -71,7 +71,7 @@ def of_disc_in_channel(size: float, width: float, aside: float) -> float:
     up beside it) times 1 + h + 0.52 h^2, with h the gap over the radius: within 5 % of Faxen 1946 from h = 1 on, 2 % of
     runs at 0.15. Off the middle two gaps (1 +- e) h let through as much as their mean power 2.5, at the walls 2^1.5
     times as much, which fades until h = 2: within 15 % of runs at h = 0.3 to 2 and e up to 0.9; the fastest disc."""
-    h = max(ROUGH, width / size - 1.0)
+    h = max(ROUGHNESS, width / size - 1.0)
     e = min(1.0, aside / (h * size))
     wider = 1.0 + (0.5 * ((1.0 - e) ** 2.5 + (1.0 + e) ** 2.5) - 1.0) * max(0.0, 1.0 - 0.5 * h)
     return min(1.0, wider * h**2.5 / (math.sqrt(8.0) * (1.0 + h + 0.52 * h * h))) if h < 5.0 else 1.0
@@ -142,7 +142,8 @@ def impact_speed(config: LbmDemConfig, i: int) -> float:
     speeds = np.linalg.norm(group.at_start("velocity"), axis=1)
     if not below:
         met = speeds + max(thrown(config, k) for k in range(config.dimensions))
-        return float(met.max(initial=0.0)) if any_resists(config) else 0.0
+        walls = len(config.domain.periodic) < config.dimensions or config.obstacle
+        return float(met.max(initial=0.0)) if walls or any(not one.moving for one in config.grains) else 0.0
     axis, last = below[0], config.dimensions - 1
     down = config.gravity[axis] < 0.0
     if group.packing is not None:
@@ -173,12 +174,6 @@ def thrown(config: LbmDemConfig, k: int) -> float:
     omega = 2.0 * math.pi * config.shaking.frequency
     share = 1.0 - math.cos(min(math.pi, omega * config.simulation.end_time))
     return share * abs(config.shaking.acceleration[k]) / omega
-
-
-def any_resists(config: LbmDemConfig) -> bool:
-    """Whether there is a wall, an obstacle or a grain that stays, which a grain could meet."""
-    walls = len(config.domain.periodic) < config.dimensions
-    return walls or bool(config.obstacle) or not all(group.moving for group in config.grains)
 
 
 def above_planes(config: LbmDemConfig, x: NDArray, radius: float) -> NDArray[np.float64]:
@@ -262,7 +257,7 @@ def screen(config: LbmDemConfig) -> Iterator[Derived]:
     if not low or cover(config) >= low * (1.0 - 1e-9) or AXES[d - 1] in config.domain.periodic:
         return
     i, lows = below(config, low), [g.packing.low if g.packing and g.moving else math.inf for g in config.grains]
-    name = "" if i is None else config.grains[i].name or f"grains_{i + 1}"
+    name = "" if i is None else config.grains[i].name
     cure = f"all grains fall to the floor, as {name} starts below {low:g} m: put it above, or a row of grains with "
     cure += "moving = false there"
     slanted = any(np.ptp(heights) > 0.0 for heights in plane_heights(config))
@@ -283,7 +278,7 @@ def falling(config: LbmDemConfig, i: int) -> Iterator[Derived]:
     if not v:
         return
     source = "Schiller & Naumann 1933" if config.dimensions == 3 else "Stokes; drag coefficient 1 of a disc"
-    name, size = config.grains[i].name or f"grains_{i + 1}", config.grains[i].largest_diameter
+    name, size = config.grains[i].name, config.grains[i].largest_diameter
     source += "; between walls" if between_walls(config, config.grains[i]) < 1.0 else ""
     reynolds = v * size / fluid.kinematic_viscosity
     yield Derived(f"speed of {name}, alone", "v", v, "m/s", source=source)
@@ -302,11 +297,10 @@ def falling(config: LbmDemConfig, i: int) -> Iterator[Derived]:
         source=f"{source}; shear layer, measured", cure=other_collision(config), key=SPACING, forceable=True,
     )  # fmt: skip
     if reynolds > 1.0:
-        layer = LAYER * size / dx / math.sqrt(reynolds)
-        finer = size * LAYER / math.sqrt(reynolds)
+        layer = LAYER * size / math.sqrt(reynolds)
         yield judged(
-            "boundary layer of a lone grain", "delta/dx", layer, ok=layer >= 0.5, legal=True, limit=">= 0.5",
-            source="Schlichting & Gersten, ch. 5", cure=f"at Re = {reynolds:.3g} it needs spacing = {finer:.2g}",
+            "boundary layer of a lone grain", "delta/dx", layer / dx, ok=layer >= 0.5 * dx, legal=True, limit=">= 0.5",
+            source="Schlichting & Gersten, ch. 5", cure=f"at Re = {reynolds:.3g} it needs spacing = {layer:.2g}",
             key=SPACING,
         )  # fmt: skip
 

@@ -141,7 +141,6 @@ def fitting(config: LbmDemConfig, wanted: float) -> tuple[float, tuple[str, ...]
     points, size, d = config.points, config.domain.size, config.dimensions
     opened = {AXES.index(face.face[0]) for face in config.boundary if face.is_open}
     around = {AXES.index(axis) for axis in config.domain.periodic}
-    around |= {AXES.index(face.face[0]) for face in config.boundary if face.type == "periodic"}
     walled = set(range(d)) - opened - around
     fixed = around or {min(walled or opened, key=lambda axis: size[axis])}
     for axis in sorted(walled - fixed):  # those that fit as well

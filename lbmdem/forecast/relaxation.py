@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from hpcpic.core.case.config import Path
 from hpcpic.core.case.derived import Derived, Verdict, judged, rounded_down
-from lbmdem.case.config import AXES, LbmDemConfig, whole_spacing
+from lbmdem.case.config import LbmDemConfig, whole_spacing
 from lbmdem.physics.collision import BRAKES, COLLISIONS, HOLDS
 
 TAU = ("fluid", "relaxation_time")
@@ -25,6 +25,11 @@ def unlimited(config: LbmDemConfig) -> str:
 def other_collision(config: LbmDemConfig) -> str:
     """The ways to a lower grid Reynolds number, or to none that matters."""
     return f"{unlimited(config)}; a finer spacing lowers it"
+
+
+def finer(config: LbmDemConfig, most: float) -> str:
+    """The largest spacing up to `most` (m) of which all sides hold a whole number, in the words of a case."""
+    return f"domain.spacing = {whole_spacing(config.domain.size, most) or rounded_down(most):.9g}"
 
 
 def key_of_tau(config: LbmDemConfig) -> Path:
@@ -67,22 +72,11 @@ def grid_reynolds(config: LbmDemConfig, value: float) -> Derived:
         best, diverges = PAST_SOLIDS[config.liquid.collision]
         limit = f"<= {best:g} past solids, {most:g} at all"
         source = f"measured past a cylinder, {config.liquid.collision}: {diverges:g} diverges, {best:g} holds"
-        least = config.spacing * best / value
-        finer = whole_spacing(config.domain.size, least) or rounded_down(least)
-        cure = f"{unlimited(config)}; domain.spacing = {finer:.9g} is fine enough"
+        cure = f"{unlimited(config)}; {finer(config, config.spacing * best / value)} is fine enough"
     return judged(
         "grid Reynolds number", "U dx/nu", value, ok=value <= best * (1 + 1e-9), legal=value <= most, limit=limit,
         source=source, cure=cure, key=SPACING, forceable=True,
     )  # fmt: skip
-
-
-def walled(config: LbmDemConfig) -> bool:
-    open_faces = {face.face for face in config.boundary if face.is_open}
-    return any(
-        axis not in config.domain.periodic and axis + side not in open_faces
-        for axis in AXES[: config.dimensions]
-        for side in "-+"
-    )
 
 
 def slower(config: LbmDemConfig, factor: float) -> str:

@@ -7,9 +7,9 @@ Measured are flows between two walls that the frame shakes along themselves, bes
 import math
 from collections.abc import Iterator
 
-from hpcpic.core.case.derived import Derived, judged, rounded_down
-from lbmdem.case.config import AXES, LbmDemConfig, whole_spacing
-from lbmdem.forecast.relaxation import SPACING, key_of_tau, slower
+from hpcpic.core.case.derived import Derived, judged
+from lbmdem.case.config import AXES, LbmDemConfig
+from lbmdem.forecast.relaxation import SPACING, finer, key_of_tau, slower
 
 THIN = 0.8  # nodes in the layer, with which the velocity is off by 4 % of its largest
 LONG = 0.1  # (tau - 1/2) omega dt, likewise 5 %
@@ -21,12 +21,11 @@ def layers(config: LbmDemConfig) -> Iterator[Derived]:
         return
     omega, dx = 2.0 * math.pi * config.shaking.frequency, config.spacing
     thick = math.sqrt(2.0 * config.liquid.kinematic_viscosity / omega)
-    finer = whole_spacing(config.domain.size, thick / THIN) or rounded_down(thick / THIN)
     yield judged(
         "layer of fluid that solids drag along", "sqrt(2 nu/w)/dx", thick / dx, legal=True,
         ok=thick >= THIN * dx * (1.0 - 1e-9), limit=f">= {THIN:g}",
         source="velocity by a shaken wall, off by 14 % at 0.47, 3 at 0.94, 0.6 at 1.9",
-        cure=f"domain.spacing = {finer:.9g} resolves it", key=SPACING,
+        cure=f"{finer(config, thick / THIN)} resolves it", key=SPACING,
     )  # fmt: skip
     swing = (config.tau - 0.5) * omega * config.time_step
     yield judged(

@@ -15,12 +15,12 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from hpcpic.core.case.derived import Derived, judged, rounded_down
+from hpcpic.core.case.derived import Derived, judged
 from lbmdem.case.boundaries import ends_between_planes
-from lbmdem.case.config import AXES, LbmDemConfig, whole_spacing
+from lbmdem.case.config import AXES, LbmDemConfig
 from lbmdem.forecast.free_fall import stays
 from lbmdem.forecast.piles import span, standing, weight_in_fluid
-from lbmdem.forecast.relaxation import SPACING
+from lbmdem.forecast.relaxation import SPACING, finer
 from lbmdem.setup.overlap_survey import plane_gap
 
 BETWEEN_DISCS, BESIDE_WALLS = 5.0, 2.0  # nodes in a gap, from which on it is right within about 4 and 2 %
@@ -51,30 +51,30 @@ def throats(config: LbmDemConfig) -> Iterator[Derived]:
         ("a disc that stays and a wall", beside_walls(config, x, radius), BESIDE_WALLS, "20 % at 1, 2 at 2"),
     ):
         if math.isfinite(gap):
-            fine = whole_spacing(config.domain.size, gap / least) or rounded_down(gap / least)
-            yield judged(
-                f"narrowest gap between {beside}", "h/dx", gap / config.spacing, legal=True, limit=f">= {least:g}",
-                ok=gap >= least * config.spacing * (1.0 - 1e-9), source=f"flow through it, off by {source}",
-                key=SPACING, cure=f"domain.spacing = {fine:.9g} resolves it",
-            )  # fmt: skip
+            yield narrow(config, f"narrowest gap between {beside}", gap, least, f"flow through it, off by {source}")
+
+
+def narrow(config: LbmDemConfig, name: str, gap: float, least: float, source: str) -> Derived:
+    """A gap (m) against so many nodes."""
+    nodes = gap / config.spacing
+    return judged(
+        name, "h/dx", nodes, ok=nodes >= least * (1.0 - 1e-9), legal=True, limit=f">= {least:g}", source=source,
+        cure=f"{finer(config, gap / least)} resolves it", key=SPACING,
+    )  # fmt: skip
 
 
 def beside_pistons(config: LbmDemConfig) -> Iterator[Derived]:
     """The gaps on both sides of a disc that moves in the middle between walls, where it fills more than half of them.
     Measured is how fast it sinks, with gaps of 0.15 and 0.35 of its radius."""
     ends, tops = ends_between_planes(config.domain.size, config.obstacle)
-    for i, group in enumerate(config.grains):
-        size, name = group.largest_diameter, group.name or f"grains_{i + 1}"
+    source = "speed at which it sinks, too fast by 8 to 39 % at 1 and 1.5, 1 to 5 at 2"
+    for group in config.grains:
+        size = group.largest_diameter
         rooms = [tops[k] - ends[k] for k in range(2) if AXES[k] not in config.unwalled]
         gap = min([0.5 * (room - size) for room in rooms if room < 2.0 * size], default=math.inf)
         if group.moving and config.dimensions == 2 and CLOSED * config.spacing < gap < math.inf:
-            fine = whole_spacing(config.domain.size, gap / BESIDE_WALLS) or rounded_down(gap / BESIDE_WALLS)
-            yield judged(
-                f"gaps beside {name} in the middle between walls", "h/dx", gap / config.spacing, legal=True,
-                limit=f">= {BESIDE_WALLS:g}", ok=gap >= BESIDE_WALLS * config.spacing * (1.0 - 1e-9), key=SPACING,
-                source="speed at which it sinks, too fast by 8 to 39 % at 1 and 1.5, 1 to 5 at 2",
-                cure=f"domain.spacing = {fine:.9g} resolves them",
-            )  # fmt: skip
+            name = f"gaps beside {group.name} in the middle between walls"
+            yield narrow(config, name, gap, BESIDE_WALLS, source)
 
 
 def between_discs(config: LbmDemConfig, x: NDArray[np.float64], radius: NDArray[np.float64]) -> float:

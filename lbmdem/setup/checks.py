@@ -212,10 +212,8 @@ def obstacle_faults(config: LbmDemConfig, obstacle: Obstacle) -> Iterator[tuple[
         if any(low >= high for low, high in zip(box.low, box.high)):
             yield ("shape", "box"), "has no inside: low must be below high along every axis"
         if config.grains_move:
-            yield (
-                ("shape", "box"),
-                ("is nothing that moving grains could touch; a plane is, or a row of grains with moving = false"),
-            )
+            text = "is nothing that moving grains could touch; a plane is, or a row of grains with moving = false"
+            yield ("shape", "box"), text
     elif plane is not None and not any(plane.normal):
         yield ("shape", "plane", "normal"), "is no direction"
     elif plane is not None and len(plane.normal) == d:

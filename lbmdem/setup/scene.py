@@ -65,15 +65,9 @@ class Scene:
         given = {boundary.face: boundary for boundary in self.config.boundary}
         faces = {}
         for axis, periodic in zip(AXES[: self.dimensions], self.periodic):
-            for side in "-+":
-                name = axis + side
-                still = (0.0,) * self.dimensions
-                if periodic:
-                    faces[name] = FaceScene("periodic", still)
-                elif name in given:
-                    faces[name] = self._face(given[name])
-                else:
-                    faces[name] = FaceScene("wall", still)
+            still = FaceScene("periodic" if periodic else "wall", (0.0,) * self.dimensions)
+            for name in (axis + "-", axis + "+"):
+                faces[name] = self._face(given[name]) if name in given else still
         return faces
 
     def _face(self, boundary: Boundary) -> FaceScene:
