@@ -13,7 +13,7 @@ from hpcpic.core.physics.contact_law import deepest_overlap
 from hpcpic.core.space.products import product
 from lbmdem.case.config import ACCURATE, GrainSet, LbmDemConfig, contact_law, contact_step, grain_mass
 from lbmdem.forecast.estimate import phases
-from lbmdem.forecast.films import expected_substeps, films
+from lbmdem.forecast.films import expected_substeps, films, pressed
 from lbmdem.forecast.free_fall import impact_speed
 from lbmdem.forecast.piles import denseness, heap, layers_at_rest, smallest_below, standing, weight_in_fluid
 from lbmdem.forecast.rates import DEFAULT
@@ -95,7 +95,7 @@ def overlaps(config: LbmDemConfig) -> Iterator[Derived]:
         if not group.moving:
             continue
         size, stiffness = group.largest_diameter, config.contact.normal_stiffness
-        if gravity:
+        if gravity and pressed(config):
             share, layers, source = overlap_at_rest(config, i)
             weight = abs(weight_in_fluid(config, group, size))
             enough = stiffness * share / 0.01  # 0 for what neither sinks nor rises

@@ -73,5 +73,5 @@ def pressed(config: LbmDemConfig) -> bool:
     stays = bool(config.obstacle) or len(moving) < len(config.grains)
     axes = [axis for axis, g in zip(AXES, config.gravity) if g]
     held = bool(axes) and (stays or any(axis not in config.domain.periodic for axis in axes))
-    heavy = any(group.density != config.liquid.density for group in moving)
+    heavy = not config.fluid or any(group.density != config.liquid.density for group in moving)
     return any(group.packing is not None for group in moving) or (held and heavy)

@@ -174,3 +174,11 @@ def test_a_sphere_in_a_duct_falls_as_walls_let_it(share, measured):
     stokes = 1e-7 * (0.006 * share) ** 2 / (18.0 * 1e-4)
     duct, slot = (told(RELEASED, alone, *sets, size, f"domain.periodic=[{axis}]").value for axis in ("", '"x"'))
     assert duct / stokes == pytest.approx(measured, rel=0.07) and duct < 0.8 * slot < 0.8 * stokes
+
+
+@pytest.mark.parametrize(("axes", "rests"), [("", True), ('"x"', True), ('"y"', False)])
+def test_a_grain_rests_where_something_holds_it(axes, rests):
+    """Along an axis that repeats it falls for ever; it was told how deep it overlaps at rest, with fluid and without."""
+    dry = "\n".join(line for line in RELEASED.splitlines() if not line.startswith("fluid"))
+    for text in (RELEASED, dry):
+        assert (told(text, "overlap at rest", f"domain.periodic=[{axes}]") is not None) is rests
