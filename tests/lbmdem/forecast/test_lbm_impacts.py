@@ -178,7 +178,7 @@ def test_a_sphere_in_a_duct_falls_as_walls_let_it(share, measured):
 
 @pytest.mark.parametrize(("axes", "rests"), [("", True), ('"x"', True), ('"y"', False)])
 def test_a_grain_rests_where_something_holds_it(axes, rests):
-    """Along an axis that repeats it falls for ever; it was told how deep it overlaps at rest, with fluid and without."""
+    """Along an axis that repeats it falls for ever; it was told an overlap at rest, with fluid and without."""
     dry = "\n".join(line for line in RELEASED.splitlines() if not line.startswith("fluid"))
     for text in (RELEASED, dry):
         assert (told(text, "overlap at rest", f"domain.periodic=[{axes}]") is not None) is rests
