@@ -67,9 +67,8 @@ def growth_rate(t: np.ndarray, amplitude: np.ndarray, efolds: float = 2.0) -> Gr
     All windows before the maximum over which the amplitude grows by at least `efolds` (a third of its whole
     growth when that is more) are compared; the smallest relative standard error wins, which drops the noise
     before and the saturation after. A window that ends less than RISE above all that was before it, or is shorter
-    than SWINGS of its swings, is a beat and does not count. The error adds half the difference of the slopes of the
-    window's two halves, which is what curvature left in it would do. Raises NoFit when nothing grows that much, or
-    that steadily.
+    than SWINGS of its swings, is a beat and does not count. The error adds half the spread of the slopes of the
+    window's thirds: a bend either way, or one and back. Raises NoFit when nothing grows that much, or that steadily.
     """
     top = int(np.argmax(amplitude)) + 1
     positive = amplitude[:top] > RESOLVED * amplitude.max()
@@ -88,19 +87,14 @@ def growth_rate(t: np.ndarray, amplitude: np.ndarray, efolds: float = 2.0) -> Gr
     if not good.any():
         raise NoFit("it grows at no steady rate: it swings, and does not rise above what it was before")
     best = np.flatnonzero(good)[np.argmin(error[good] / slope[good])]
-    first, last, middle = i[best], j[best], (i[best] + j[best]) // 2
-    halves = [np.polyfit(t[a : b + 1] - t[a], y[a : b + 1], 1)[0] for a, b in ((first, middle), (middle, last))]
+    first, last = i[best], j[best]
+    thirds = pairwise(np.linspace(first, last, 4).astype(int))
+    slopes = [np.polyfit(t[a : b + 1] - t[a], y[a : b + 1], 1)[0] for a, b in thirds]
     start = np.exp(y[first : last + 1].mean() - slope[best] * t[first : last + 1].mean())
-    whole_error = float(np.hypot(error[best], 0.5 * abs(halves[0] - halves[1])))
+    whole_error = float(np.hypot(error[best], 0.5 * np.ptp(slopes)))
     if whole_error > STEADY * slope[best]:
         raise NoFit("it grows at no steady rate")
-    return Growth(
-        float(slope[best]),
-        whole_error,
-        float(t[first]),
-        float(t[last]),
-        float(start),
-    )
+    return Growth(float(slope[best]), whole_error, float(t[first]), float(t[last]), float(start))
 
 
 def swing(t: np.ndarray, y: np.ndarray) -> float:
