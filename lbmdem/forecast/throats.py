@@ -3,7 +3,7 @@ too narrow for the collision.
 
 Measured are the flows that a body force drives through square arrays of discs, and past discs in the middle of a
 channel, at offsets from the nodes (docs/measured/lbmdem.md). Spheres leave wider ways beside their narrowest gaps:
-arrays of them are right within 5 % at gaps of a node and 1 % at two, so no gap is told in 3D.
+arrays of them are right by the nodes across a sphere, whatever their gaps, so no gap is told in 3D.
 
 With TRT the permeability of a bed does not depend on tau. Central moments and BGK shift every wall by a part of a node,
 which is most of a narrow pore.
