@@ -294,6 +294,13 @@ class Arrays(Loader):
         shapes[BEFORE] = shapes["velocity"]
         if {"velocity", BEFORE} <= arrays(section.start).keys():
             yield ("start", "file"), f"holds velocity, of the start, and {BEFORE}, of half a step before: one of them"
+        wave = section.perturbation
+        added = (
+            section.thermal_velocity or section.temperature or (wave and (wave.amplitude or wave.velocity_amplitude))
+        )
+        if added and BEFORE in arrays(section.start):
+            told = "of a state that goes on: thermal_velocity (temperature) and amplitudes of perturbation are to be 0"
+            yield ("start", "file"), f"holds {BEFORE}, {told}"
         found = start_faults(section.start, shapes, section.particles, held={"position": slice(dimensions)})
         yield from ((("start", *path), text) for path, text in found)
 
@@ -372,8 +379,6 @@ def loader_faults(section: Species, dimensions: int) -> Iterator[Fault]:
     word = section.init_method
     if word in LOADERS:
         yield from LOADERS[word].faults(section, dimensions)
-        if section.start is not None and not isinstance(LOADERS[word], Arrays):
-            yield ("start",), f'arrays are read with init_method "arrays" only (got {word!r})'
         if section.particles_per_cell and LOADERS[word].placed:
             yield ("particles_per_cell",), f"give particles where init_method is {word!r}"
     elif word not in OLDER:
@@ -382,6 +387,9 @@ def loader_faults(section: Species, dimensions: int) -> Iterator[Fault]:
         hint = f"; did you mean {near[0]!r}?" if near else ""
         known = f"{', '.join(map(repr, names))} or {last!r}"
         yield ("init_method",), f"must be {known} (got {abridged(word)}){hint}"
+        return
+    if section.start is not None and not isinstance(LOADERS.get(word), Arrays):
+        yield ("start",), f'arrays are read with init_method "arrays" only (got {word!r})'
 
 
 def random_places(section: Species) -> bool:

@@ -187,3 +187,20 @@ def test_velocities_are_of_the_start_or_of_half_a_step_before():
     case, v = gyrating(0.1), np.zeros((200, 2))
     with pytest.raises(hpcpic.ConfigError, match=r"start.*velocity_before, of half a step before: one of them"):
         case.changed({"species[0].start": {"velocity": v, "velocity_before": v}})
+
+
+@pytest.mark.parametrize(
+    "change", [{"thermal_velocity": 1.0}, {"temperature": 1.0}, {"perturbation": {"mode": [1, 0], "amplitude": 0.1}}]
+)
+def test_nothing_is_added_to_a_state_that_goes_on(change):
+    """The deviates are those that the velocities began with: a warm plasma went on with 4.4 times its energy."""
+    case = gyrating(0.1).changed({"species[0].plasma_frequency": 1.0})
+    case = case.changed({"species[0].start": {"velocity_before": np.zeros((200, 2))}})
+    with pytest.raises(hpcpic.ConfigError, match="velocity_before, of a state that goes on: thermal_velocity"):
+        case.changed({"species[0]": change})
+
+
+def test_arrays_are_refused_beside_an_older_word_for_random_places():
+    """They were left out, but for their being of half a step before."""
+    with pytest.raises(hpcpic.ConfigError, match='init_method "arrays" only'):
+        gyrating(0.1).changed({"species[0].init_method": "random position"})
