@@ -60,10 +60,11 @@ def between_walls(config: LbmDemConfig, group: GrainSet) -> float:
 def of_sphere_in_duct(size: float, widths: Sequence[float]) -> float:
     """`between_walls` in the middle, the less of two: that of a slot (Faxen 1922) and that of the tube which slows a
     small sphere as a square duct does (Haberman & Sayre 1958), within 6 % of runs up to 0.85 of its width."""
+    size = min(size, *widths)  # of a case that is refused it may be larger
     slot, tube = size / min(widths), 0.904 * size / math.sqrt(math.prod(widths)) if len(widths) == 2 else 0.0
     around = 1.0 - 2.105 * tube + 2.0865 * tube**3 - 1.7068 * tube**5 + 0.72603 * tube**6
     between = 1.0 - 1.004 * slot + 0.418 * slot**3 + 0.21 * slot**4 - 0.169 * slot**5
-    return max(0.0, min(around / (1.0 - 0.75857 * tube**5), between))
+    return min(around / (1.0 - 0.75857 * tube**5), between)
 
 
 def of_disc_in_channel(size: float, width: float, aside: float) -> float:

@@ -174,6 +174,7 @@ def test_a_sphere_in_a_duct_falls_as_walls_let_it(share, measured):
     stokes = 1e-7 * (0.006 * share) ** 2 / (18.0 * 1e-4)
     duct, slot = (told(RELEASED, alone, *sets, size, f"domain.periodic=[{axis}]").value for axis in ("", '"x"'))
     assert duct / stokes == pytest.approx(measured, rel=0.07) and duct < 0.8 * slot < 0.8 * stokes
+    assert told(RELEASED, "grain in the box", *sets, "grains[0].diameter=0.009").verdict == "fail"
 
 
 @pytest.mark.parametrize(("axes", "rests"), [("", True), ('"x"', True), ('"y"', False)])
