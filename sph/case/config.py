@@ -82,8 +82,8 @@ class Fluid(Section):
     )
     surface: float | None = setting(
         None,
-        "hydrostatic: height of the free surface; by default the top of the shape, of a polygon, a strip or arrays "
-        "their upper side, which may slope",
+        "hydrostatic: height of the free surface; by default the upper side of the shape, or of the arrays, which may "
+        "slope",
         "m",
     )
     velocity: Vector = setting((), "uniform initial velocity", "m/s")

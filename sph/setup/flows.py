@@ -13,12 +13,15 @@ from hpcpic.core.space.elementary import cos, cosh, sin, sinh
 from hpcpic.core.space.products import product
 from sph.case import geometry
 from sph.case.config import AXES, Flow, Fluid, SphConfig
+from sph.case.shapes import Shape
 from sph.physics.equation_of_state import EquationOfState
 from sph.physics.liquids import Liquids
-from sph.setup.particle_lattices import even
+from sph.setup.particle_lattices import along, even
+from sph.setup.signed_distance import signed_distance
 from sph.setup.tanks import holds
 
 TERMS = 60  # of the double sine series in each direction
+FALLS, CLOSE = 60, 1e-4  # most ways in turn down to a shape; part of a step that is no way
 GAP = 3.0  # spacings between particles over each other, beyond which they are drops over a fluid, or a body is between
 
 
@@ -47,27 +50,27 @@ def depth(scene: Liquid, fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
 
 def surface(scene: Liquid, fluid: Fluid, x: NDArray) -> NDArray[np.float64]:
     """Heights[n] against gravity of the free surface of a fluid over points, m: that which the case gives, else the top
-    of its shape. Of arrays, polygons, strips, and boxes under oblique gravity it is their own upper side over a point,
-    as far as no wall lies on that; under walls it goes on from one such place to the next.
+    of its shape. Of all but boxes along gravity, and what is round or of STL among several liquids, it is their own
+    upper side over a point, as far as no wall lies on that; under walls it goes on from one such place to the next.
     """
     if fluid.surface is not None:
         return np.full(len(x), fluid.surface)
     z, corners, box = up(scene), geometry.outline(fluid.shape), fluid.shape.box
     if fluid.start and "position" in arrays(fluid.start):
         return nearest_top(scene, fluid, *columns_of(fluid.start, tuple(z.tolist()), scene.spacing), x)
-    if box and np.count_nonzero(z) > 1:
-        return nearest_top(scene, fluid, *columns_in(box.low, box.high, tuple(z.tolist()), scene.spacing / 2), x)
+    if np.count_nonzero(z) > 1 if box else not (corners or scene.liquids.densities):
+        return nearest_top(scene, fluid, *columns_in(fluid.shape, tuple(z.tolist()), scene.spacing / 2), x)
     if not corners:
         return np.full(len(x), heights(scene, fluid)[1])
-    along = across(z)[0]
-    ends = np.stack([product(np.array(corners), along), product(np.array(corners), z)], axis=1)
+    axis = along(z)[0]
+    ends = np.stack([product(np.array(corners), axis), product(np.array(corners), z)], axis=1)
     first, last = ends[:, 0].min(), ends[:, 0].max()
     columns = even(first, last, scene.spacing / 2)
     tops = upper_side(ends, columns)
     open_ = uncovered(scene, columns[:, None], tops)
     if not open_.any():
         return np.full(len(x), heights(scene, fluid)[1])
-    at = np.clip(product(x, along), first, last)
+    at = np.clip(product(x, axis), first, last)
     own = open_[np.clip(((at - first) / (last - first) * len(columns)).astype(np.int64), 0, len(columns) - 1)]
     return np.where(own, upper_side(ends, at), np.interp(at, columns[open_], tops[open_]))
 
@@ -81,23 +84,28 @@ def nearest_top(scene: Liquid, fluid: Fluid, columns: NDArray, tops: NDArray, x:
     open_ = uncovered(scene, columns, tops)
     if not open_.any():
         return np.full(len(x), heights(scene, fluid)[1])
-    at = product(x, across(up(scene)).T)
+    at = product(x, along(up(scene)).T)
     own, free = cKDTree(columns).query(at)[1], cKDTree(columns[open_]).query(at)[1]
     return np.where(open_[own], tops[own], tops[open_][free])
 
 
 @lru_cache(maxsize=8)
-def columns_in(low: geometry.Point, high: geometry.Point, z: geometry.Point, step: float) -> tuple[NDArray, NDArray]:
-    """Places[m, d - 1] across z of columns of a box, a step apart, and heights[m] of their tops, m."""
-    middle, upwards = np.add(low, high) / 2, np.array(z)
-    axes, reach = across(upwards), float(np.linalg.norm(np.subtract(high, low))) / 2
-    line = even(-reach, reach, step)
+def columns_in(shape: Shape, z: geometry.Point, step: float) -> tuple[NDArray, NDArray]:
+    """Places[m, d - 1] across z of columns of a shape, a step apart, and heights[m] of their tops, m: down from over it
+    by the distance to it, again and again.
+    """
+    low, high = map(np.array, geometry.bounds(shape))
+    middle, upwards, reach = (low + high) / 2, np.array(z), float(np.linalg.norm(high - low)) / 2
+    axes, line = along(upwards), even(-reach, reach, step)
     at = np.stack(np.meshgrid(*[line] * len(axes), indexing="ij"), axis=-1).reshape(-1, len(axes))
-    foot, tilted = middle + product(at, axes), upwards != 0.0
-    ends = [(np.array(face) - foot)[:, tilted] / upwards[tilted] for face in (low, high)]
-    top, bottom = np.maximum(*ends).min(axis=1), np.minimum(*ends).max(axis=1)
-    inside = (top > bottom) & np.all(((low < foot) & (foot < high))[:, ~tilted], axis=1)
-    return at[inside] + product(axes, middle), product(middle, upwards) + top[inside]
+    x, way, going = middle + product(at, axes), np.full(len(at), reach), np.arange(len(at))
+    for _ in range(FALLS):
+        off = signed_distance(shape, x[going] + way[going, None] * upwards)
+        way[going] -= off
+        going = going[(off > CLOSE * step) & (way[going] > -reach)]
+    way[going] = -math.inf
+    found = way > -reach
+    return at[found] + product(axes, middle), product(middle, upwards) + way[found]
 
 
 @lru_cache(maxsize=8)
@@ -106,7 +114,7 @@ def columns_of(start: Start, z: tuple[float, ...], dp: float) -> tuple[NDArray[n
     half a spacing over the highest particle under the first gap.
     """
     x, upwards = np.asarray(arrays(start)["position"], float), np.array(z)
-    at, height = product(x, across(upwards).T), product(x, upwards)
+    at, height = product(x, along(upwards).T), product(x, upwards)
     low = at.min(axis=0)
     cells, column = np.unique(np.rint((at - low) / dp).astype(np.int64), axis=0, return_inverse=True)
     order = np.lexsort((height, column.ravel()))
@@ -119,23 +127,12 @@ def columns_of(start: Start, z: tuple[float, ...], dp: float) -> tuple[NDArray[n
     return low + cells * dp, tops + dp / 2
 
 
-def across(z: NDArray) -> NDArray[np.float64]:
-    """Unit vectors[d - 1, d] across another, z."""
-    if len(z) == 2:
-        return np.array([[z[1], -z[0]]])
-    k = int(np.argmax(np.abs(z)))
-    one = np.eye(3)[(k + 1) % 3]
-    one = one - product(one, z) * z
-    one /= math.hypot(*one)
-    return np.array([one, np.cross(z, one)])
-
-
 def uncovered(scene: Liquid, columns: NDArray, tops: NDArray) -> NDArray[np.bool_]:
     """On which columns[m, d - 1] across gravity of a fluid, with heights[m] of their tops in m, no wall lies."""
     z = up(scene)
     k = int(np.argmax(np.abs(z)))
     side = AXES[k] + "-+"[int(z[k] > 0.0)]
-    beyond = product(columns, across(z)) + (tops + scene.spacing / 2)[:, None] * z
+    beyond = product(columns, along(z)) + (tops + scene.spacing / 2)[:, None] * z
     return np.all([np.ones(len(columns), bool), *(~holds(wall, beyond, side) for wall in scene.config.wall)], axis=0)
 
 

@@ -75,3 +75,19 @@ def test_a_strip_that_lies_askew_has_the_pressure_under_its_slope():
     under = 0.3 - (c * x[:, 1] - s * x[:, 0])  # the distance from the surface
     inner = c * x[:, 0] + s * x[:, 1] < 0.9  # beyond, an end is over them
     np.testing.assert_allclose(head[inner], under[inner] / c, atol=0.1 * DP)
+
+
+def test_round_water_and_that_of_a_file_have_no_pressure_at_their_upper_sides(tmp_path):
+    """They had the pressure below their highest point everywhere."""
+    ball = pytest.importorskip("trimesh").creation.icosphere(subdivisions=3, radius=0.16)
+    ball.apply_translation([0.4, 0.2, 0.2]).export(tmp_path / "ball.stl")
+    lying = {"base": [0.1, 0.2, 0.2], "top": [0.7, 0.2, 0.2], "radius": 0.16}
+    disc = {"sphere": {"centre": [0.4, 0.2], "radius": 0.16}}
+    for shape, up, wall in ((disc, [0.0, 1.0], TANK), ({"cylinder": lying}, [0.0, 0.0, 1.0], TANK_3D),
+                            ({"stl": {"file": str(tmp_path / "ball.stl")}}, [0.0, 0.0, 1.0], TANK_3D)):  # fmt: skip
+        x, head = start({"shape": shape}, [-9.81 * part for part in up], (wall,))
+        off = (x - [0.4, 0.2, 0.2][: len(up)])[:, slice(int("cylinder" in shape), -1)]  # from the middle, across
+        squares = np.sum(off * off, axis=1)
+        inner = squares < 0.1**2
+        top = 0.2 + np.sqrt(0.16**2 - squares[inner])
+        np.testing.assert_allclose(head[inner], top - x[inner, -1], atol=0.4 * DP)
