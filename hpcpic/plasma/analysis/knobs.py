@@ -203,8 +203,10 @@ def quantities_of(config: PlasmaConfig, time: float) -> list[Quantity]:
     law = predict(config, mode)
     if law is not None and not 0.0 < law.omega.imag * time < LEAST_GROWTH:
         found += waves(law, mode, time)
-    elif any(s.perturbation for s in config.species) and any(mode) and in_series(mode):
-        found.append(course_of(mode, time))
+    elif any(s.perturbation for s in config.species) and any(mode) and (any(mode[1:]) or abs(mode[0]) <= MODES):
+        text = f"amplitude of {name_of(mode)} from the start to t = {time:.3g} s, V/m"  # noise may hide it at any time
+        why = f"the case starts {name_of(mode)}, of which no law of waves is known"
+        found.append(Quantity("amplitude", text, time, partial(course, mode, time), why=why))
     drift = partial(energy, time=time)
     text = "total energy at the end over that at the start, by the trend"
     found.append(Quantity("energy", text, time / 4, drift, exact=1.0, why="no law of a wave is known for this start"))
@@ -224,21 +226,8 @@ def started_mode(config: PlasmaConfig) -> tuple[int, ...]:
     return (1,) if all(loader_of(s).placed for s in config.species) and config.dimensions == 1 else none
 
 
-def in_series(mode: tuple[int, ...]) -> bool:
-    """Whether the series of the case has the mode that it starts."""
-    return any(mode[1:]) or abs(mode[0]) <= MODES
-
-
 def name_of(mode: tuple[int, ...]) -> str:
     return f"mode_{'_'.join(map(str, mode if any(mode[1:]) else mode[:1]))}"
-
-
-def course_of(mode: tuple[int, ...], time: float) -> Quantity:
-    """The amplitude of a mode in the whole run: a wave may drown in noise at any time of it."""
-    name = name_of(mode)
-    why = f"the case starts {name}, of which no law of waves is known"
-    text = f"amplitude of {name} from the start to t = {time:.3g} s, V/m"
-    return Quantity("amplitude", text, time, partial(course, mode, time), why=why)
 
 
 def waves(law: Prediction, mode: tuple[int, ...], time: float) -> list[Quantity]:

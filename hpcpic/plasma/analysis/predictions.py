@@ -124,7 +124,8 @@ def predict(config: PlasmaConfig, mode: Sequence[int]) -> Prediction | None:
     if cold and wave.still:
         return Prediction("cold wave", complex(wp), _cold_on_mesh(config, k, wave.meshed))
     waving = [pair for pair in zip(found, wave.meshed) if pair[0].plasma_frequency > HEAVY * wp]
-    if len(waving) > 1 or not wave.still or _heavy_started(config, wp):
+    started = [plasma_frequency(config, s) for s in config.species if s.perturbation]
+    if len(waving) > 1 or not wave.still or any(own <= HEAVY * wp for own in started):  # also a wave of ions
         return None
     ((beam, scheme),) = waving
     wp = beam.plasma_frequency
@@ -141,11 +142,6 @@ def _growing(wave: Wave, mesh: Mesh) -> Prediction | None:
         return None
     law = "two-stream" if len(wave.beams) == 2 and wave.beams[0].drift == -wave.beams[1].drift else "beam instability"
     return Prediction(law, omega, _on_mesh(omega, wave.k, wave.meshed, mesh))
-
-
-def _heavy_started(config: PlasmaConfig, wp: float) -> bool:
-    """Whether the case starts a wave of a species that would leave that of electrons alone."""
-    return any(plasma_frequency(config, s) <= HEAVY * wp for s in config.species if s.perturbation)
 
 
 def predict_sound(config: PlasmaConfig, mode: Sequence[int]) -> Prediction | None:

@@ -201,24 +201,22 @@ def noise_of_start(config: PlasmaConfig) -> Iterator[Derived]:
     """
     axes = [axis for axis, n in enumerate(config.points) if n > MOST_WITHOUT_FIELD]
     energy = wave_energy(config) + energy_of_motion(config)
-    noisy = [i for i, one in enumerate(config.species) if random_places(one) and plasma_frequency(config, one)]
+    noisy = {i: s for i, s in enumerate(config.species) if random_places(s) and plasma_frequency(config, s)}
     if not axes or not noisy or not energy or config.field.equation != Equation():
         return
-    field, ways = 0.0, list[str]()
+    field = 0.0
     grid = [config.points[axis] for axis in axes], [spacing(config)[axis] for axis in axes]
-    for i in noisy:
-        species = config.species[i]
+    for species in noisy.values():
         debye = min(thermal_velocities(config, species)[axis] for axis in axes) / plasma_frequency(config, species)
         waves = field_of_random_places(config.numerics.shape, *grid, debye)
         field += (species.particles or 0) * macro_charge(config, species) ** 2 * waves
-        ways += even_places(i, species)
     share = field / (2 * config.constants.vacuum_permittivity * volume(config)) / energy
-    if NOISE <= share < math.inf:
-        ways.append(f"{rounded_up(share / NOISE):g} times the particles")
+    even = ", ".join(way for i, species in noisy.items() for way in even_places(i, species))
+    more = f"{rounded_up(share / NOISE):g} times the particles" if NOISE <= share < math.inf else ""
     yield judged(
         "noise of random places", "W/W(0)", share, limit=f"< {NOISE:g}", ok=share < NOISE, legal=True,
-        source="their field, of which half and more becomes heat within wp t = 60", cure=", or ".join(ways),
-        key=("species", noisy[0], "init_method"),
+        source="their field, of which half and more becomes heat within wp t = 60",
+        cure=", or ".join(filter(None, [even, more])), key=("species", min(noisy), "init_method"),
     )  # fmt: skip
 
 

@@ -165,7 +165,9 @@ def stability(config: PlasmaConfig) -> Iterator[Derived]:
     )  # fmt: skip
     turn = fastest_turn(config) * abs(dt)
     if 0 < (change := max(step, turn, crossing(config))) < LEAST_CHANGE and not driven(config):
-        yield idle_steps(change)
+        name, limit, cure = "largest change in a step", f"> {LEAST_CHANGE:g}", f"a larger time_step does; {UNITS}"
+        source = "10 000 steps for one oscillation"
+        yield judged(name, "max(wp dt, wc dt, v dt/dx)", change, limit, "warn", source, cure, TIME_STEP)
     if (period := config.periods["series"]) > 1 and step:
         swing = math.hypot(step, turn) if across_waves(config) else step
         yield sampling(math.pi / (swing * period), period)
@@ -190,13 +192,6 @@ def counts(config: PlasmaConfig) -> Iterator[Derived]:
         verdict, key = verdict_of(period >= least), ("output", "every", "histograms")
         cure = f"output.every.histograms = {least} keeps to it"
         yield judged("time of histograms", "in that of steps", share, limit, verdict, "measured", cure, key)
-
-
-def idle_steps(step: float) -> Derived:
-    """Steps so short that nothing moves in one."""
-    cure = f"a larger time_step does; {UNITS}"
-    name, symbol, source = "largest change in a step", "max(wp dt, wc dt, v dt/dx)", "10 000 steps for one oscillation"
-    return judged(name, symbol, step, f"> {LEAST_CHANGE:g}", "warn", source, cure, TIME_STEP)
 
 
 def resolution(config: PlasmaConfig) -> Iterator[Derived]:

@@ -221,12 +221,8 @@ def more_particles(i: int, species: Species, factor: float) -> str:
         return ""
     n = math.ceil(species.particles * factor * (1 + 1e-9))
     made = f"species[{i}].particles = {n}"
-    return made if fixed_density(species) else f"{made}, {weighted(i, species, species.particles / n)}"
-
-
-def fixed_density(species: Species) -> bool:
-    """Whether charge and mass are those of a real particle, so that more macro-particles are the same plasma."""
-    return bool(species.density or species.plasma_frequency)
+    real = species.density or species.plasma_frequency  # charge and mass are those of a real particle, as they are
+    return made if real else f"{made}, {weighted(i, species, species.particles / n)}"
 
 
 def weighted(i: int, species: Species, factor: float) -> str:

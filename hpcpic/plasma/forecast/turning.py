@@ -44,13 +44,6 @@ def of_output(half: float) -> str:
     return f"{told} and its energy {1 / half**2:.4g} times as large"
 
 
-def of_slow_changes(step: float) -> str:
-    """What exact_phase makes of motions that know the mass across B, which is m/f: see docs/theory/plasma.md."""
-    if (f := impulse_across(step)) <= WIDER:
-        return ""
-    return f"; polarisation drifts and what particles add to waves far below wc are {1 / f:.4g} times as large"
-
-
 def stronger_across(config: PlasmaConfig) -> float:
     """By what exact_phase multiplies the squared plasma frequency of waves across B that the step must resolve; 1
     where it is off, where B lies along all axes that have a field, and where a step is half a turn or more.
@@ -110,7 +103,10 @@ def turning(config: PlasmaConfig, step: float) -> Derived:
     if 0 < step < most:
         if (larger := larger_orbit(step, exact)) > WIDER:
             source += f"; the radii of orbits are {larger:.4g} times the true ones"
-        source += of_slow_changes(step) if exact else ""
+        if exact and (f := impulse_across(step)) > WIDER:  # the mass across B is m/f: docs/theory/plasma.md
+            source += (
+                f"; polarisation drifts and what particles add to waves far below wc are {1 / f:.4g} times as large"
+            )
         source += of_output(math.cos(0.5 * step if exact else math.atan(0.5 * step)))
     return judged(
         "turn per step", "wc dt", step, unit="rad", limit=limit, ok=step <= good, legal=step < most, source=source,

@@ -155,6 +155,9 @@ def test_the_field_of_random_places_of_a_cold_plasma_is_as_told(dimensions, worl
     assert "W/W(0)" not in numbers([*sets, "species[0].init_method=quiet"], WAVE)[0]
     warm = numbers([*sets, "species[0].thermal_velocity=0.1"], WAVE)[0]["W/W(0)"]  # told of cold ones alone, before
     assert 0.0 < warm.value < number.value
+    ions = '{ name = "i"; charge = 1.0; mass = 100.0; plasma_frequency = 0.1; particles = 4096; }'
+    two = numbers(["species[1].init_method=random"], WAVE.replace("species = (", f"species = ({ions},"))[0]["W/W(0)"]
+    assert two.cure.startswith('species[0].init_method = "quiet", species[1].init_method = "quiet", or ')
 
 
 PLANE = """
