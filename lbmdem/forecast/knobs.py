@@ -59,12 +59,8 @@ def knobs_of(config: LbmDemConfig) -> Knobs:
 
 
 def seen(config: LbmDemConfig) -> Seen:
-    return Seen("velocity", (0.0,) * config.dimensions, tuple(config.domain.size), config.points, snapshot)
-
-
-def snapshot(time: float) -> tuple[str, ...]:
-    """--set list that writes the fields at the end."""
-    return (f"output.period.fields={time!r}",)
+    box = (0.0,) * config.dimensions, tuple(config.domain.size), config.points
+    return Seen("velocity", *box, lambda time: (f"output.period.fields={time!r}",))
 
 
 def wet(config: LbmDemConfig) -> list[Knob]:
@@ -222,7 +218,7 @@ def past_solids(config: LbmDemConfig, axis: str, bodies: list[str], time: float)
         return [Quantity("permeability", "permeability at half the run", time / 2, measure, why=why)]
     if not axis or not bodies:
         return []
-    if pushed(config, axis):
+    if config.liquid.body_force[AXES.index(axis)]:
         text, why = f"flow rate along {axis} at half the run", f"a body force drives a flow along {axis} past solids"
         measure = partial(at_end, f"flow_rate_{axis}", time / 2)
         return [Quantity("flow-rate", text, time / 2, measure, why=why)]
@@ -237,11 +233,6 @@ def standing(config: LbmDemConfig) -> list[str]:
     """Names of sets of grains and of obstacles that stay within the flow: a plane is a wall beside it."""
     held = [grains.name for grains in config.grains if stays(config, grains)]
     return held + [obstacle.name for obstacle in config.obstacle if obstacle.shape.plane is None]
-
-
-def pushed(config: LbmDemConfig, axis: str) -> bool:
-    force = config.liquid.body_force
-    return bool(force and force[AXES.index(axis)])
 
 
 def main_axis(config: LbmDemConfig) -> str:
