@@ -54,6 +54,19 @@ def test_temperatures_and_energies_of_unequal_weights_come_together_as_told(spre
     assert told(case.changed(counts)).verdict == "ok"
 
 
+def test_temperatures_of_axes_come_together_as_told():
+    """At 0.53 to 0.69 of the rate of two species, which was told."""
+    velocities = np.random.default_rng(0).normal(size=(2, 8 * int(LENGTH) ** 2, 2)) * [1.2, 0.8]
+    changes = {"thermal_velocity": 0.0, "init_method": "arrays"}
+    sets = {f"species[{i}].{key}": value for i in (0, 1) for key, value in changes.items()}
+    case = plasma().changed({**sets, **{f"species[{i}].start": {"velocity": velocities[i]} for i in (0, 1)}})
+    with case.simulation(threads=1) as sim:
+        axes = [np.asarray(sim.particles("a")["velocity"]).var(axis=0)]
+        sim.advance(until=160.0 / told(case).value)  # one e-fold
+        axes.append(np.asarray(sim.particles("a")["velocity"]).var(axis=0))
+    assert np.log((axes[0][0] - axes[0][1]) / (axes[1][0] - axes[1][1])) == pytest.approx(1.0, rel=0.2)
+
+
 def test_one_temperature_and_what_does_not_collide_is_not_told():
     assert told(plasma((1.0, 1.05))) is None
     assert told(plasma(dimensions=1)) is None
