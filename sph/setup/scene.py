@@ -370,14 +370,15 @@ class Scene:
     def _fill(self, section: case.Fluid) -> FluidSet:
         """The lattice of a fluid, less what lies outside its shape, in walls, in earlier fluids, or nowhere."""
         first = sum(fluid.n for fluid in self.fluids)
-        given = arrays(section.start).get("position") if section.start else None
+        given, none = arrays(section.start).get("position") if section.start else None, np.zeros(0, np.int64)
         if given is not None:
             nowhere, mass = Grid((np.zeros(0),) * self.dimensions), section.density * self.spacing**self.dimensions
             given = np.asarray(given, float)
-            return FluidSet(section, nowhere, first, mass, np.zeros(0, np.int64), self.spacing, given=given)
+            return FluidSet(section, nowhere, first, mass, none, self.spacing, given=given)
         shape, beyond, step = section.shape, 0, self.spacing
         grid, mass = grid_of(shape, step), section.density * step**self.dimensions
-        if shape.box or shape.polygon:  # a floor and the sides of a tank lie half a spacing off it
+        askew = shape.cylinder and np.count_nonzero(np.subtract(shape.cylinder.top, shape.cylinder.base)) > 1
+        if not (shape.sphere or askew):  # a floor and the sides of a tank lie half a spacing off it
             low, high = geometry.joined(shape, [fluid.shape for fluid in self.config.fluid], step / 2)
             grid, size = dividing(low, high, step), np.subtract(high, low)
             mass = section.density * math.prod(size.tolist()) / grid.n
@@ -385,26 +386,23 @@ class Scene:
         if shape.box:
             whole, grid = grid, grid.within(self.low, self.high)
             beyond = whole.n - grid.n
-        gone: list[NDArray[np.int64]] = []
         taken: list[tuple[str, NDArray[np.int64]]] = []  # of them, by what
-        fluid = FluidSet(section, grid, first, mass, np.zeros(0, np.int64), step)
+        fluid = FluidSet(section, grid, first, mass, none, step)
         if beyond:
             fluid.clipped[DOMAIN] = beyond
-        if not section.shape.box:
-            gone.append(flagged(grid, None, lambda x: signed_distance.signed_distance(section.shape, x) > 0.0))
+        out = none if shape.box else flagged(grid, None, lambda x: signed_distance.signed_distance(shape, x) > 0.0)
         for name, box, bad in obstacles(self, grid, step):
-            before = np.concatenate([*gone, np.zeros(0, np.int64)])
-            found = np.setdiff1d(flagged(grid, box, bad), before, assume_unique=True)
+            found = np.setdiff1d(flagged(grid, box, bad), out, assume_unique=True)
             if len(found):
                 fluid.clipped[name] = fluid.clipped.get(name, 0) + len(found)
-                gone.append(found)
+                out = np.concatenate([out, found])
                 taken.append((name, found))
-        fluid.removed = np.sort(np.concatenate([*gone, np.zeros(0, np.int64)]))  # none twice
+        fluid.removed = np.sort(out)
         fluid.oblique = oblique(self, fluid)
         if fluid.oblique:
             cutting = {wall.name for wall in fluid.oblique}
             others = [found for name, found in taken if name not in cutting]
-            fluid.filled = share(fluid, np.concatenate([*others, np.zeros(0, np.int64)]))
+            fluid.filled = share(fluid, np.concatenate([*others, none]))
             fluid.mass *= fluid.filled
         return fluid
 

@@ -57,7 +57,7 @@ POOL = ', { name = "pool"; shape = { box = { low = [0.0, 0.0]; high = [1.0, 0.3]
     (DROP.replace("0.7]", "0.0]"), 0.0),
     (DROP.replace("shape", 'initial_pressure = "zero"; shape', 1), 0.0),
     (DROP.replace("shape", "surface = 0.8; shape", 1), 0.0),
-    (BALL, 0.2),
+    (BALL, 0.1 + (0.1**2 - 0.025**2) ** 0.5),  # half a spacing beside its middle
     (BALL.replace("0.6]", "0.1]"), 0.0),
     (DROP[:-2] + POOL, 0.1),
     (DROP.replace("0.7]", "0.3]")[:-2] + POOL, 0.0),  # it lies on another
