@@ -61,7 +61,7 @@ def test_a_block_of_triangles_along_the_axes_takes_as_a_box_does(tmp_path):
 
 
 def test_water_that_the_spacing_does_not_divide_lies_off_a_floor_as_that_of_a_box_does(tmp_path):
-    """That of files had up to 8 % more than its volume, and lay on the floor; so did that of upright cylinders."""
+    """That of files had up to a tenth more than its volume, and lay on the floor; so did that of upright cylinders."""
     size = [16.26, 7.75, 5.3]
     trimesh.creation.box(bounds=[[0.0, 0.0, 0.0], size]).export(tmp_path / "water.stl")
     shapes = ({"box": {"low": [0.0, 0.0, 0.0], "high": size}}, {"stl": {"file": str(tmp_path / "water.stl")}},
