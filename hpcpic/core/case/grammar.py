@@ -199,8 +199,11 @@ def parse(text: str) -> tuple[Node, list[tuple[int, int, str]]]:
     builder.faults = faults
     state = lark.parse_interactive(text)
     opened: list = []
+    before: Any = None  # before and last: the two tokens before one that does not fit
+    last: Any = None
     try:
         for token in state.iter_parse():
+            before, last = last, token
             if token.type in OPENING:
                 opened.append(token)
                 if len(opened) > MAX_DEPTH:
@@ -215,6 +218,10 @@ def parse(text: str) -> tuple[Node, list[tuple[int, int, str]]]:
         elif error.token.type == "$END":
             end = len(text.rstrip())
             faults.found.append((*place_of(text, end), f"{wanted(state, opened)}, found the end of the file"))
+        elif before and before.type in ("INTEGER", "FLOAT") and before.line == last.line and last.type == "NAME":
+            faults.add(last, f"found {str(last)[:24]!r} after a number, which stands alone: `show` tells its unit")
+        elif before and before.type == "INTEGER" and last.type == "COMMA" and error.token.type == "INTEGER":
+            faults.add(last, "found a comma in a number: decimals have a point")
         else:
             word = f": {QUOTES}" if error.token.type == "NAME" and "INTEGER" in state.choices() else ""
             faults.add(error.token, f"{wanted(state, opened)}, found {str(error.token)[:24]!r}{word}")
