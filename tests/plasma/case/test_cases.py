@@ -19,7 +19,8 @@ def test_shipped_case_is_legal_on_two_ranks_and_with_no_warning_but_of_noise(nam
     tree = load(SHIPPED[name])
     config = configure(tree)
     told = enforce(derived(config, ranks=2), tree)
-    assert all("N_D = 4.189" in text for text in told) and len(told) == (name in NOISY) and tree.warnings == []
+    noise = ("N_D = 4.189", "noise of random places W/W(0) = 0.1") if name in NOISY else ()
+    assert len(told) == len(noise) and all(map(str.__contains__, sorted(told), sorted(noise))) and tree.warnings == []
     assert config.description and config.periods["series"]
 
 
