@@ -79,6 +79,7 @@ ACROSS_ONSET = 100.0  # wp t
 LONGEST_WAVES = 8  # wavelengths in the box along an axis: waves of given places that are looked for
 LEAST_WAVE = 1e-9  # relative density that is no rounding of even places
 NOISE = 0.1  # of the energy, that noise may have
+MOST_SUMMED = 1 << 18  # points along an axis, whose waves are summed in a tenth of a second
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,7 +203,7 @@ def noise_of_start(config: PlasmaConfig) -> Iterator[Derived]:
     axes = [axis for axis, n in enumerate(config.points) if n > MOST_WITHOUT_FIELD]
     energy = wave_energy(config) + energy_of_motion(config)
     noisy = {i: s for i, s in enumerate(config.species) if random_places(s) and plasma_frequency(config, s)}
-    if not axes or not noisy or not energy or config.field.equation != Equation():
+    if not axes or not noisy or not energy or config.field.equation != Equation() or max(config.points) > MOST_SUMMED:
         return
     field = 0.0
     grid = [config.points[axis] for axis in axes], [spacing(config)[axis] for axis in axes]
